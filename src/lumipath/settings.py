@@ -1,0 +1,130 @@
+"""Every render option once: its default, unit, range and meaning.
+
+The Python API, the command line and `-D key=value` all read `RenderSettings`; nothing else declares an option.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import attrs
+from attrs import field, frozen
+
+from .errors import UsageError
+
+SAMPLERS = ("sobol", "independent")
+HEMISPHERES = ("cosine", "uniform")
+FRESNELS = ("exact", "schlick")
+TONEMAPS = ("none", "linear", "agx", "aces")
+PROGRESS_MODES = ("auto", "bar", "json", "none")
+
+MAX_PIXELS = 1 << 28
+MAX_SIDE = 1 << 16
+
+
+def _fail(name: str, value: object, wanted: str) -> UsageError:
+    return UsageError(f"{name} is {value!r}: it must be {wanted}")
+
+
+def _integer(low: int, high: int) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    def check(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise _fail(attribute.name, value, f"a whole number from {low} to {high}")
+
+    return check
+
+
+def _real(low: float, high: float) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    def check(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            raise _fail(attribute.name, value, f"a number from {low:g} to {high:g}")
+
+    return check
+
+
+def _choice(choices: tuple[str, ...]) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    def check(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+        if value not in choices:
+            raise _fail(attribute.name, value, "one of " + ", ".join(choices))
+
+    return check
+
+
+def _crop(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+    ok = isinstance(value, tuple) and len(value) == 4 and all(isinstance(v, int) and v >= 0 for v in value)
+    if not ok or value[0] >= value[2] or value[1] >= value[3]:
+        raise _fail(attribute.name, value, "x0,y0,x1,y1 in pixels with x0 < x1 and y0 < y1")
+
+
+def _optional(check: Callable[..., None]) -> Any:
+    return attrs.validators.optional(check)
+
+
+def _option(default: Any, help_text: str, check: Any, unit: str = "", choices: tuple[str, ...] = ()) -> Any:
+    metadata = {"help": help_text, "unit": unit, "choices": choices}
+    return field(default=default, validator=check, metadata=metadata)
+
+
+@frozen(kw_only=True)
+class RenderSettings:
+    """How a scene is rendered. Immutable; `attrs.evolve(settings, spp=64)` makes a changed copy.
+
+    Raises:
+        UsageError: a value is outside its range; the message names the field.
+    """
+
+    spp: int = _option(64, "Samples per pixel.", _integer(1, 1 << 30))
+    max_depth: int = _option(
+        12, "Scattering events per path; 0 shows emission only (Mitsuba's max_depth is one more).", _integer(0, 1 << 16)
+    )
+    width: int = _option(512, "Image width; the height follows from the camera.", _integer(1, MAX_SIDE), "pixels")
+    height: int | None = _option(None, "Image height.", _optional(_integer(1, MAX_SIDE)), "pixels")
+    crop: tuple[int, int, int, int] | None = _option(
+        None, "Render only the pixels x0 <= x < x1, y0 <= y < y1 of the full image.", _optional(_crop), "pixels"
+    )
+    camera: str | int | None = _option(None, "Camera by name or index; the scene's first by default.", None)
+    sampler: str = _option("sobol", "Random numbers.", _choice(SAMPLERS), choices=SAMPLERS)
+    hemisphere: str = _option(
+        "cosine", "How diffuse surfaces draw directions.", _choice(HEMISPHERES), choices=HEMISPHERES
+    )
+    fresnel: str = _option("exact", "Reflectance of smooth dielectrics.", _choice(FRESNELS), choices=FRESNELS)
+    rr_depth: int | None = _option(
+        4, "Scattering events before Russian roulette may end a path; off: never.", _optional(_integer(0, 1 << 16))
+    )
+    seed: int = _option(0, "Another seed gives independent noise.", _integer(0, (1 << 32) - 1))
+    aperture: float | None = _option(
+        None, "Lens radius; 0 is a pinhole; the camera's own by default.", _optional(_real(0.0, 1e6)), "metres"
+    )
+    focus: float | None = _option(
+        None, "Distance of the plane in focus; the camera's own by default.", _optional(_real(1e-6, 1e9)), "metres"
+    )
+    exposure: float = _option(0.0, "Exposure of 8-bit images.", _real(-64.0, 64.0), "stops")
+    tonemap: str = _option(
+        "none",
+        "Display transform of 8-bit images; linear only clamps, without the sRGB curve.",
+        _choice(TONEMAPS),
+        choices=TONEMAPS,
+    )
+    threads: int | None = _option(
+        None, "CPU threads; every core that the process may use by default.", _optional(_integer(1, 4096))
+    )
+
+    def size(self, aspect: float) -> tuple[int, int]:
+        """Width and height in pixels of the full image for a camera of this aspect ratio (width / height)."""
+        height = self.height if self.height is not None else max(1, int(self.width / aspect + 0.5))
+        if self.width * height > MAX_PIXELS:
+            raise UsageError(f"{self.width} x {height} pixels: at most {MAX_PIXELS} are possible; choose a smaller size")
+        return self.width, height
+
+    def crop_of(self, width: int, height: int) -> tuple[int, int, int, int]:
+        """The part x0, y0, x1, y1 to render of a full image of this size.
+
+        Raises:
+            UsageError: the crop reaches outside the image.
+        """
+        if self.crop is None:
+            return 0, 0, width, height
+        if self.crop[2] > width or self.crop[3] > height:
+            raise UsageError(f"crop {self.crop} reaches outside the image of {width} x {height} pixels")
+        return self.crop
