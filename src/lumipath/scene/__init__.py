@@ -1,0 +1,28 @@
+"""What a scene is, in world units, validated; knows nothing of files or rendering."""
+
+from .camera import Camera
+from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
+from .material import Material, Texture
+from .scene import Scene
+from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_normals, transform_mesh
+
+__all__ = [
+    "AmbientLight",
+    "Box",
+    "Camera",
+    "Cone",
+    "Cylinder",
+    "DirectionalLight",
+    "Environment",
+    "Light",
+    "Material",
+    "Mesh",
+    "PointLight",
+    "Scene",
+    "Shape",
+    "Sphere",
+    "Square",
+    "Texture",
+    "smooth_normals",
+    "transform_mesh",
+]

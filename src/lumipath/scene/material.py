@@ -1,0 +1,114 @@
+"""What surfaces are made of: textures, and the sum-of-lobes material."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from attrs import field, frozen
+
+from ..errors import SceneError
+from .values import Floats, colour, float_array
+
+WRAP_MODES = ("repeat", "clamp")
+
+
+@frozen(eq=False)
+class Texture:
+    """An image that is looked up by uv, bilinearly.
+
+    Args:
+        image: (height, width, 3) float32, linear, row 0 at the top, which is v = 1.
+        wrap: what lies outside 0..1: `repeat` or `clamp` to the edge.
+        name: for messages, usually the file.
+    """
+
+    image: Floats = field()
+    wrap: str = "repeat"
+    name: str = ""
+
+    def __attrs_post_init__(self) -> None:
+        image = float_array(self.image, (None, None, 3), f"texture {self.name or 'image'}")
+        if image.shape[0] == 0 or image.shape[1] == 0:
+            raise SceneError(f"texture {self.name or 'image'} has no pixels")
+        if (image < 0).any():
+            raise SceneError(f"texture {self.name or 'image'} has negative values; a texture must be 0 or more")
+        if self.wrap not in WRAP_MODES:
+            raise SceneError(f"texture wrap {self.wrap!r} is not one of {', '.join(WRAP_MODES)}")
+        object.__setattr__(self, "image", image)
+
+    def mean(self) -> tuple[float, float, float]:
+        """The mean colour, linear."""
+        r, g, b = self.image.mean(axis=(0, 1), dtype=np.float64)
+        return (float(r), float(g), float(b))
+
+
+Colour = tuple[float, float, float]
+
+
+def _lobe(default: Any = (0.0, 0.0, 0.0)) -> Any:
+    return field(default=default)
+
+
+@frozen(eq=False, kw_only=True)
+class Material:
+    """A sum of lobes, as the .ray language has it: Lambert, perfect mirror and smooth dielectric, plus emission.
+
+    Each colour is linear Rec.709, given as one number, three numbers, or a `Texture`.
+
+    Args:
+        emission: radiance that leaves the surface, W/(m^2 sr).
+        diffuse: albedo of the Lambert lobe.
+        specular: weight of the mirror lobe; in a dielectric also the tint of its Fresnel reflection.
+            None: not given, so the mirror lobe has the weight `reflective` and the Fresnel reflection is white.
+        reflective: in a dielectric the tint of total internal reflection (None: white); elsewhere the weight of the
+            mirror lobe where `specular` is None.
+        transmissive: fraction of light left after one metre inside; greater than 0 makes the surface a dielectric.
+        index: index of refraction of the inside relative to the outside.
+        ambient: reflected fraction of ambient light (not used by the path tracer).
+        shininess: Phong exponent (not used by the path tracer).
+        name: for messages and look-ups.
+    """
+
+    emission: Colour | Texture = _lobe()
+    diffuse: Colour | Texture = _lobe()
+    specular: Colour | Texture | None = _lobe(None)
+    reflective: Colour | Texture | None = _lobe(None)
+    transmissive: Colour | Texture = _lobe()
+    index: float = 1.0
+    ambient: Colour | Texture = _lobe()
+    shininess: float = 0.0
+    name: str = ""
+
+    def __attrs_post_init__(self) -> None:
+        where = f"material {self.name!r}" if self.name else "material"
+        for lobe in ("emission", "diffuse", "specular", "reflective", "transmissive", "ambient"):
+            value = getattr(self, lobe)
+            if value is not None and not isinstance(value, Texture):
+                object.__setattr__(self, lobe, colour(value, f"{where}: {lobe}"))
+        for number, low, high in (("index", 1e-3, 1e3), ("shininess", 0.0, 1e9)):
+            value = getattr(self, number)
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+                raise SceneError(f"{where}: {number} is {value!r}: it must be a number from {low:g} to {high:g}")
+
+    @property
+    def is_dielectric(self) -> bool:
+        """Whether light goes through."""
+        return is_positive(self.transmissive)
+
+    @property
+    def is_one_sided(self) -> bool:
+        """Whether a triangle of a `.ray` file with this material is invisible from behind."""
+        return not (self.is_dielectric or is_positive(self.reflective))
+
+    @property
+    def is_emissive(self) -> bool:
+        """Whether the surface emits anywhere."""
+        return is_positive(self.emission)
+
+
+def is_positive(value: Colour | Texture | None) -> bool:
+    """Whether a lobe's colour is above 0 anywhere."""
+    if value is None:
+        return False
+    return bool(value.image.max() > 0) if isinstance(value, Texture) else max(value) > 0

@@ -1,0 +1,64 @@
+"""A scene: shapes, lights and cameras."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from attrs import define, field
+
+from ..errors import SceneError
+from .camera import Camera
+from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
+from .shapes import Cone, Mesh, Shape, Sphere
+
+
+def _list_of(*classes: type) -> Any:
+    def convert(value: Any) -> list[Any]:
+        items = list(value)
+        for index, item in enumerate(items):
+            if not isinstance(item, classes):
+                names = ", ".join(cls.__name__ for cls in classes)
+                raise SceneError(f"item {index} is a {type(item).__name__}; it must be one of: {names}")
+        return items
+
+    return field(factory=list, converter=convert)
+
+
+@define(eq=False, kw_only=True)
+class Scene:
+    """Everything that can be rendered.
+
+    Args:
+        shapes: meshes, spheres, cones.
+        lights: point, directional and ambient lights; emissive shapes need not be listed.
+        cameras: at least one is needed to render; `Camera()` where the list is empty.
+        environment: light from far away, or None for black.
+        name: for messages and output file names.
+    """
+
+    shapes: list[Shape] = _list_of(Mesh, Sphere, Cone)
+    lights: list[Light] = _list_of(PointLight, DirectionalLight, AmbientLight)
+    cameras: list[Camera] = _list_of(Camera)
+    environment: Environment | None = None
+    name: str = "scene"
+
+    def camera(self, which: str | int | None = None) -> Camera:
+        """The camera of that name or index; None: the first, or the default camera where there is none.
+
+        Raises:
+            SceneError: no such camera; the message lists those there are.
+        """
+        if which is None:
+            return self.cameras[0] if self.cameras else Camera()
+        names = [camera.name or str(index) for index, camera in enumerate(self.cameras)]
+        for index, camera in enumerate(self.cameras):
+            if camera.name == which:
+                return camera
+            if str(index) == str(which):
+                return camera
+        raise SceneError(f"no camera {which!r} in {self.name}; there is {', '.join(names) or 'only the default one'}")
+
+    @property
+    def triangle_count(self) -> int:
+        """Number of triangles in all meshes."""
+        return sum(len(shape.faces) for shape in self.shapes if isinstance(shape, Mesh))
