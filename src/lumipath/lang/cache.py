@@ -1,0 +1,88 @@
+"""The disk cache of compiled code, keyed by all sources.
+
+Numba's own cache looks at one file only, so a change in an imported kernel goes unnoticed. Here the folder's name is a
+hash of every source that reaches a compiler and of the compilers' versions: stale code can never be loaded.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import llvmlite
+import numba
+import numpy as np
+import platformdirs
+from numba.core import caching
+from numba.core.dispatcher import Dispatcher
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+_KERNEL_SOURCES = ("lang", "kernels", "accel", "pack", "devices")
+
+
+@cache
+def source_hash() -> str:
+    """A hash of every source that reaches a compiler and of the versions that turn them into machine code."""
+    digest = hashlib.sha256()
+    for path in sorted(path for part in _KERNEL_SOURCES for path in (_PACKAGE / part).rglob("*.py")):
+        digest.update(path.relative_to(_PACKAGE).as_posix().encode())
+        digest.update(path.read_bytes())
+    for version in (sys.version, numba.__version__, llvmlite.__version__, np.__version__, platform.machine()):
+        digest.update(version.encode())
+    return digest.hexdigest()[:20]
+
+
+@cache
+def cache_folder() -> Path:
+    """Where compiled kernels lie: $LUMIPATH_CACHE or the user's cache folder; a temporary one if it is read-only."""
+    root = Path(os.environ.get("LUMIPATH_CACHE") or platformdirs.user_cache_path("lumipath"))
+    folder = root / "kernels" / source_hash()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError:
+        folder = Path(tempfile.gettempdir()) / f"lumipath-{os.getuid() if hasattr(os, 'getuid') else 0}" / source_hash()
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+class _Locator(caching._CacheLocator):
+    """One folder for all kernels; the folder is the stamp."""
+
+    def __init__(self, py_func: object) -> None:
+        code = py_func.__code__  # type: ignore[attr-defined]
+        self._name = f"{code.co_firstlineno}-{hashlib.sha256(code.co_filename.encode()).hexdigest()[:8]}"
+
+    def get_cache_path(self) -> str:
+        return str(cache_folder())
+
+    def get_source_stamp(self) -> str:
+        return source_hash()
+
+    def get_disambiguator(self) -> str:
+        return self._name
+
+    @classmethod
+    def from_function(cls, py_func: object, py_file: str) -> _Locator:
+        return cls(py_func)
+
+
+class _CacheImpl(caching.CompileResultCacheImpl):
+    _locator_classes = (_Locator,)
+
+
+class KernelCache(caching.FunctionCache):
+    """Numba's function cache in our folder."""
+
+    _impl_class = _CacheImpl
+
+
+def enable_cache(dispatcher: Dispatcher) -> None:
+    """Keep what `dispatcher` compiles on disk."""
+    dispatcher._cache = KernelCache(dispatcher.py_func)

@@ -1,0 +1,129 @@
+"""Decorators that turn Python functions into machine code."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from types import CodeType, FunctionType
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import errors as numba_errors
+
+from ..errors import RenderError
+from .cache import enable_cache
+from .features import select_by_features
+from .scalars import DEBUG_PYTHON
+
+# No nnan and no ninf: infinite distances are in use, and NaN must fail every comparison.
+_FASTMATH = frozenset({"nsz", "arcp", "contract", "afn", "reassoc"})
+_OPTIONS = {"nogil": True, "error_model": "numpy", "boundscheck": False}
+# Reference counts on the arrays of a scene cost more than half of the speed, and kernels allocate nothing.
+_KERNEL_OPTIONS = _OPTIONS | {"_nrt": False}
+
+
+class KernelError(RenderError):
+    """A kernel does not compile; the message names the kernel, file and line."""
+
+
+def _single_precision_constants(code: CodeType) -> CodeType:
+    """The code with every float constant as float32: Numba takes Python's floats for float64."""
+
+    def convert(constant: Any) -> Any:
+        if type(constant) is float:
+            return np.float32(constant)
+        if type(constant) is tuple:
+            return tuple(convert(item) for item in constant)
+        if isinstance(constant, CodeType):
+            return _single_precision_constants(constant)
+        return constant
+
+    return code.replace(co_consts=tuple(convert(constant) for constant in code.co_consts))
+
+
+def _single_precision(function: FunctionType) -> FunctionType:
+    """`function` with float32 constants; a float64 among the globals that it names is an error."""
+    for name in function.__code__.co_names:
+        if type(function.__globals__.get(name)) is float:
+            code = function.__code__
+            raise KernelError(
+                f"kernel {function.__qualname__} ({code.co_filename}:{code.co_firstlineno}) uses the float64 {name}; "
+                f"write {name} = f32(...)"
+            )
+    function.__code__ = _single_precision_constants(function.__code__)
+    return function
+
+
+def kernel(function: Any = None, *, precise: bool = False, needs: int = 0, otherwise: Any = None) -> Any:
+    """A device function: inlined into whatever calls it, on every device.
+
+    Args:
+        function: plain Python on scalars, structs, Vec3 and packed arrays.
+        precise: keep every rounding as written (no contraction to fused multiply-add, no reassociation).
+        needs: feature bits; where the first argument's scene lacks them all, `otherwise` is compiled in place of
+            `function`, so that what a scene does not use costs nothing, not even compile time.
+        otherwise: kernel of the same parameters, used with `needs`.
+    """
+    if function is None:
+        return lambda given: kernel(given, precise=precise, needs=needs, otherwise=otherwise)
+    _single_precision(function)
+    if needs:
+        return select_by_features(function, needs, otherwise, _overload_options(precise))
+    if DEBUG_PYTHON:
+        return function
+    return numba.njit(**_overload_options(precise), no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+
+
+def _overload_options(precise: bool) -> dict[str, Any]:
+    return _KERNEL_OPTIONS | {"forceinline": True, "fastmath": False if precise else set(_FASTMATH)}
+
+
+def entry(function: FunctionType) -> Callable[..., Any]:
+    """A function that worker threads call without holding Python's lock: kept on disk once compiled."""
+    _single_precision(function)
+    if DEBUG_PYTHON:
+        return function
+    dispatcher = numba.njit(**_KERNEL_OPTIONS, fastmath=set(_FASTMATH), no_cfunc_wrapper=True)(function)
+    enable_cache(dispatcher)
+    return dispatcher
+
+
+def compiled(function: FunctionType) -> Callable[..., Any]:
+    """Host code that is worth compiling (tree building): exact arithmetic, arrays may be allocated, kept on disk."""
+    if DEBUG_PYTHON:
+        return function
+    dispatcher = numba.njit(**_OPTIONS)(function)
+    enable_cache(dispatcher)
+    return dispatcher
+
+
+def compile_for(function: Callable[..., Any], *arguments: Any) -> None:
+    """Compile an `entry` for the types of `arguments`, or load it from the disk.
+
+    Raises:
+        KernelError: it does not compile; the message names the innermost kernel, its file and line.
+    """
+    if DEBUG_PYTHON:
+        return
+    dispatcher: Any = function
+    signature = tuple(numba.typeof(argument) for argument in arguments)
+    try:
+        dispatcher.compile(signature)
+    except numba_errors.NumbaError as error:
+        raise KernelError(_explain(dispatcher.py_func.__qualname__, str(error))) from error
+
+
+def _explain(name: str, message: str) -> str:
+    """One line from Numba's many: the innermost place and the first sentence that says what is wrong."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", message)
+    places = re.findall(r'File "([^"]+)", line (\d+)', plain)
+    place = f"{places[-1][0]}:{places[-1][1]}" if places else "unknown place"
+    kernels = re.findall(r"CPUDispatcher\(<function (\S+) at", plain)
+    reasons = [
+        line.strip()
+        for line in plain.splitlines()
+        if line.strip() and not re.match(r"(Failed in|During:|There are|- Of|Overload of|File |<source|\s*\^|def )", line.strip())
+    ]
+    reason = next((r for r in reasons if not r.startswith(("Type of", "[1]"))), reasons[0] if reasons else "unknown")
+    return f"kernel {kernels[-1] if kernels else name} does not compile at {place}: {reason}"

@@ -1,0 +1,153 @@
+"""Reading and writing packed arrays: no bounds checks, no wrap-around, 128-bit loads, small arrays on the stack."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+
+from .intrinsic import FLOAT, INT, LONG, call_llvm, intrinsic
+from .scalars import f32, i32
+
+ALIGNMENT = 64
+"""Bytes; a cache line, and enough for every vector load."""
+
+
+def aligned_empty(shape: int | tuple[int, ...], dtype: Any) -> np.ndarray:
+    """An uninitialised array that starts at a cache line."""
+    count = int(np.prod(shape))
+    nbytes = count * np.dtype(dtype).itemsize
+    buffer = np.empty(nbytes + ALIGNMENT, np.uint8)
+    start = -buffer.ctypes.data % ALIGNMENT
+    return buffer[start : start + nbytes].view(dtype).reshape(shape)
+
+
+def aligned(array: np.ndarray) -> np.ndarray:
+    """A copy of `array` that starts at a cache line and is at least one element long."""
+    source = array if array.size else np.zeros((1, *array.shape[1:]), array.dtype)
+    copy = aligned_empty(source.shape, source.dtype)
+    copy[...] = source
+    return copy
+
+
+def element_pointer(context: Any, builder: ir.IRBuilder, kind: types.Type, array: Any, index: Any, index_type: Any) -> Any:
+    """Address of `array.flat[index]`; `array` is a contiguous array or a stack array."""
+    data = array if isinstance(kind, types.CPointer) else context.make_array(kind)(context, builder, array).data
+    return builder.gep(data, [context.cast(builder, index, index_type, types.intp)])
+
+
+def _is_memory(kind: types.Type) -> bool:
+    return isinstance(kind, (types.Array, types.CPointer))
+
+
+def _flat(array: Any) -> Any:
+    return array.reshape(-1) if isinstance(array, np.ndarray) else array
+
+
+@intrinsic(lambda array, i: _flat(array)[i])
+def load(array: types.Type, i: types.Type) -> Any:
+    """`array.flat[i]`."""
+    if not _is_memory(array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
+        return builder.load(element_pointer(context, builder, array, arguments[0], arguments[1], i))
+
+    return array.dtype, emit
+
+
+def _store_python(array: Any, i: Any, value: Any) -> None:
+    _flat(array)[i] = value
+
+
+@intrinsic(_store_python)
+def store(array: types.Type, i: types.Type, value: types.Type) -> Any:
+    """`array.flat[i] = value`."""
+    if not _is_memory(array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> None:
+        pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
+        builder.store(context.cast(builder, arguments[2], value, array.dtype), pointer)
+
+    return types.none, emit
+
+
+get, put = load, store
+"""The same, for arrays on the stack."""
+
+
+@intrinsic(lambda array, i: tuple(_flat(array)[i : i + 4]))
+def load4(array: types.Type, i: types.Type) -> Any:
+    """Four float32 in one load from `array.flat[i]`, i a multiple of 4; of memory that no kernel writes."""
+    if not _is_memory(array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
+        pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
+        vector = builder.load(builder.bitcast(pointer, ir.VectorType(FLOAT, 4).as_pointer()), align=16)
+        vector.set_metadata("invariant.load", builder.module.add_metadata([]))
+        result = ir.Constant(context.get_value_type(signature.return_type), ir.Undefined)
+        for k in range(4):
+            result = builder.insert_value(result, builder.extract_element(vector, ir.Constant(INT, k)), k)
+        return result
+
+    return types.UniTuple(types.float32, 4), emit
+
+
+def _fetch_add_python(array: np.ndarray, i: int, amount: int) -> int:
+    before = int(array.flat[i])
+    array.flat[i] = before + amount
+    return before
+
+
+@intrinsic(_fetch_add_python)
+def fetch_add(array: types.Type, i: types.Type, amount: types.Type) -> Any:
+    """Atomic `array.flat[i] += amount` of int64; returns the value before."""
+    if not isinstance(array, types.Array) or array.dtype != types.int64:
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
+        pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
+        return builder.atomic_rmw("add", pointer, context.cast(builder, arguments[2], amount, types.int64), "monotonic")
+
+    return types.int64, emit
+
+
+@intrinsic(lambda array, i: None)
+def prefetch(array: types.Type, i: types.Type) -> Any:
+    """Ask for the cache line of `array.flat[i]`."""
+    if not isinstance(array, types.Array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> None:
+        pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
+        address = builder.bitcast(pointer, ir.IntType(8).as_pointer())
+        read, keep, data = (ir.Constant(INT, k) for k in (0, 3, 1))
+        call_llvm(builder, "llvm.prefetch.p0", ir.VoidType(), [address, read, keep, data])
+
+    return types.none, emit
+
+
+def _stack_array(name: str, element: types.Type, llvm: ir.Type, python_type: Any) -> Any:
+    def rule(count: types.Type) -> Any:
+        if not isinstance(count, types.IntegerLiteral):
+            return None
+
+        def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
+            with builder.goto_entry_block():
+                place = builder.alloca(ir.ArrayType(llvm, count.literal_value))
+                place.align = ALIGNMENT
+            return builder.bitcast(place, llvm.as_pointer())
+
+        return types.CPointer(element), emit
+
+    rule.__name__ = rule.__qualname__ = name
+    rule.__doc__ = f"`count` {element}, uninitialised, on the stack; `count` is a literal. Read and written by get, put."
+    return intrinsic(lambda count: np.zeros(count, python_type))(rule)
+
+
+stack_floats = _stack_array("stack_floats", types.float32, FLOAT, f32)
+stack_ints = _stack_array("stack_ints", types.int32, INT, i32)

@@ -1,0 +1,23 @@
+"""The scalar types of kernels, and the constants that every kernel needs, as float32."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+f32 = np.float32
+i32 = np.int32
+u32 = np.uint32
+
+PI = f32(np.pi)
+TWO_PI = f32(2 * np.pi)
+INV_PI = f32(1 / np.pi)
+INF = f32(np.inf)
+
+DEBUG_PYTHON = os.environ.get("LUMIPATH_DEBUG_PYTHON", "0") not in ("", "0")
+"""Run kernels as plain Python instead of compiling them."""
+
+if DEBUG_PYTHON:
+    # Kernels wrap around and divide by zero on purpose, as the compiled code does without a word.
+    np.seterr(over="ignore", divide="ignore", invalid="ignore")
