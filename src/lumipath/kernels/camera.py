@@ -1,0 +1,41 @@
+"""Rays from the camera: a thin lens, which is a pinhole where its aperture is 0."""
+
+from __future__ import annotations
+
+from ..lang import f32, kernel, load4
+from ..pack.layout import LENS
+from .rays import endless_ray
+from .vectors import normalize, xyz
+from .warps import uniform_disc
+
+
+@kernel
+def pinhole_ray(scene, view, x, y, numbers):
+    """The ray through the point (x, y) of the image plane at distance 1."""
+    lens = view.lens
+    d = xyz(load4(lens, 4)) * x + xyz(load4(lens, 8)) * y - xyz(load4(lens, 12))
+    return endless_ray(xyz(load4(lens, 0)), normalize(d))
+
+
+@kernel(needs=LENS, otherwise=pinhole_ray)
+def lens_ray(scene, view, x, y, numbers):
+    """A ray from a point of the lens through the point of the plane in focus that a pinhole would see there."""
+    lens = view.lens
+    position = load4(lens, 0)
+    right = load4(lens, 4)
+    up = load4(lens, 8)
+    focus = right[3]
+    in_focus = (xyz(right) * x + xyz(up) * y - xyz(load4(lens, 12))) * focus
+    u, v = uniform_disc(numbers.c, numbers.d)
+    start = xyz(right) * (u * position[3]) + xyz(up) * (v * position[3])
+    return endless_ray(xyz(position) + start, normalize(in_focus - start))
+
+
+@kernel
+def camera_ray(scene, view, column, row, numbers):
+    """A ray through pixel (column, row) of the full image, row 0 at the top; the box filter is one pixel wide."""
+    half_height = load4(view.lens, 8)[3]
+    half_width = load4(view.lens, 12)[3]
+    x = (2.0 * (f32(column) + numbers.a) / f32(view.width) - 1.0) * half_width
+    y = (1.0 - 2.0 * (f32(row) + numbers.b) / f32(view.height)) * half_height
+    return lens_ray(scene, view, x, y, numbers)

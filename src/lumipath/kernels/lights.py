@@ -1,0 +1,248 @@
+"""Choosing a light and a point on it, and the density of that choice."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from ..lang import INF, PI, Vec3, as_int, f32, i32, inverse, kernel, load, load4, struct
+from ..pack.layout import (
+    ANY_LIGHT,
+    DIRECTIONAL_LIGHT,
+    DIRECTIONAL_LIGHTS,
+    ENVIRONMENT,
+    ENVIRONMENT_LIGHT,
+    LIGHT_SIZE,
+    MANY_LIGHTS,
+    POINT_LIGHT,
+    POINT_LIGHTS,
+    QUADRIC_LIGHT,
+    QUADRIC_LIGHTS,
+    QUADRICS,
+    TEXTURES,
+    VERTEX_SIZE,
+)
+from .environment import Pick, sample_environment
+from .materials import emission_at
+from .quadrics import area_scale, normal_to_world, object_normal, object_uv, point_to_object, quadric_at, sample_quadric
+from .sampler import choice_numbers
+from .vectors import black, dot, normalize, xyz
+from .warps import uniform_triangle
+
+
+@struct
+class LightSample:
+    """Light that arrives at a point from one direction, if nothing is in between; pdf = 0: none."""
+
+    direction: Vec3
+    distance: f32
+    radiance: Vec3
+    pdf: f32  # per solid angle, of light and point together
+    delta: bool  # point and directional lights, which no other strategy can find
+
+
+@kernel
+def no_light():
+    """No sample."""
+    return LightSample(Vec3(0, 0, 1), 0.0, black(), 0.0, False)
+
+
+@kernel
+def light_row(scene, light, part):
+    """Four floats of a light's record."""
+    return load4(scene.lights, light * LIGHT_SIZE + part)
+
+
+@kernel
+def sample_triangle_light(scene, light, o, u, v):
+    """A point with uniform density on an emissive triangle."""
+    corner = light_row(scene, light, 4)
+    edge1 = light_row(scene, light, 8)
+    edge2 = light_row(scene, light, 12)
+    normal = light_row(scene, light, 16)
+    w1, w2 = uniform_triangle(u, v)
+    to_light = xyz(corner) + xyz(edge1) * w1 + xyz(edge2) * w2 - o
+    distance2 = dot(to_light, to_light)
+    distance = sqrt(distance2)
+    direction = to_light * inverse(distance)
+    cosine = -dot(xyz(normal), direction)
+    cosine = abs(cosine) if edge2[3] > 0.0 else cosine
+    if not cosine > 1e-6:
+        return no_light()
+    radiance = triangle_radiance(scene, as_int(edge1[3]), as_int(normal[3]), w1, w2)
+    return LightSample(direction, distance, radiance, corner[3] * distance2 / cosine, False)
+
+
+@kernel
+def triangle_radiance(scene, primitive, material, w1, w2):
+    """Radiance of a point on an emissive triangle."""
+    u, v = interpolated_uv(scene, primitive, w1, w2)
+    return emission_at(scene, material, primitive * 4, u, v, w1, w2)
+
+
+@kernel
+def no_uv(scene, primitive, w1, w2):
+    """A scene without textures."""
+    return f32(0.0), f32(0.0)
+
+
+@kernel(needs=TEXTURES, otherwise=no_uv)
+def interpolated_uv(scene, primitive, w1, w2):
+    """Texture coordinates at a point of a triangle."""
+    corner = primitive * 4
+    i0 = load(scene.corners, corner) * VERTEX_SIZE
+    i1 = load(scene.corners, corner + 1) * VERTEX_SIZE
+    i2 = load(scene.corners, corner + 2) * VERTEX_SIZE
+    w0 = 1.0 - w1 - w2
+    u = load(scene.vertices, i0 + 3) * w0 + load(scene.vertices, i1 + 3) * w1 + load(scene.vertices, i2 + 3) * w2
+    v = load(scene.vertices, i0 + 7) * w0 + load(scene.vertices, i1 + 7) * w1 + load(scene.vertices, i2 + 7) * w2
+    return u, v
+
+
+@kernel
+def sample_quadric_light(scene, light, o, a, b):
+    """A point on an emissive quadric, with uniform density in its object space."""
+    x = light_row(scene, light, 4)
+    y = light_row(scene, light, 8)
+    z = light_row(scene, light, 12)
+    names = light_row(scene, light, 16)
+    q = quadric_at(scene.quadrics, as_int(names[0]))
+    point = sample_quadric(q, a, b)
+    p = Vec3(
+        dot(xyz(x), point.p) + x[3],
+        dot(xyz(y), point.p) + y[3],
+        dot(xyz(z), point.p) + z[3],
+    )
+    to_light = p - o
+    distance2 = dot(to_light, to_light)
+    distance = sqrt(distance2)
+    direction = to_light * inverse(distance)
+    cosine = abs(dot(normalize(normal_to_world(q, point.n)), direction))
+    if not cosine > 1e-6:
+        return no_light()
+    u, v = object_uv(q, point.p, point.n)
+    radiance = emission_at(scene, as_int(names[2]), i32(-1), u, v, 0.0, 0.0)
+    pdf = names[3] / area_scale(q, point.n) * distance2 / cosine
+    return LightSample(direction, distance, radiance, pdf, False)
+
+
+@kernel
+def sample_point_light(scene, light, o, u, v):
+    """The radiance arriving from a point light, as if spread over one unit of solid angle."""
+    to_light = xyz(light_row(scene, light, 4)) - o
+    fade = light_row(scene, light, 12)
+    distance = sqrt(dot(to_light, to_light))
+    attenuation = min(1.0, inverse(fade[0] + fade[1] * distance + fade[2] * distance * distance))
+    radiance = xyz(light_row(scene, light, 8)) * (PI * attenuation)
+    return LightSample(to_light * inverse(distance), distance, radiance, light_row(scene, light, 0)[2], True)
+
+
+@kernel
+def sample_directional_light(scene, light, o, u, v):
+    """The radiance arriving from a directional light, as if spread over one unit of solid angle."""
+    direction = xyz(light_row(scene, light, 4))
+    radiance = xyz(light_row(scene, light, 8)) * PI
+    return LightSample(direction, INF, radiance, light_row(scene, light, 0)[2], True)
+
+
+@kernel
+def sample_environment_light(scene, light, o, u, v):
+    """A direction of the environment."""
+    s = sample_environment(scene, u, v)
+    return LightSample(s.direction, INF, s.radiance, s.pdf * scene.environment_probability, False)
+
+
+# One link for each kind of light; those that a scene lacks are left out of its kernels.
+
+
+@kernel
+def from_triangle(scene, light, kind, o, u, v):
+    """The last link: a triangle."""
+    return sample_triangle_light(scene, light, o, u, v)
+
+
+@kernel(needs=QUADRIC_LIGHTS, otherwise=from_triangle)
+def from_surface(scene, light, kind, o, u, v):
+    """A quadric, or else."""
+    if kind == QUADRIC_LIGHT:
+        return sample_quadric_light(scene, light, o, u, v)
+    return from_triangle(scene, light, kind, o, u, v)
+
+
+@kernel(needs=POINT_LIGHTS, otherwise=from_surface)
+def from_point(scene, light, kind, o, u, v):
+    """A point light, or else."""
+    if kind == POINT_LIGHT:
+        return sample_point_light(scene, light, o, u, v)
+    return from_surface(scene, light, kind, o, u, v)
+
+
+@kernel(needs=DIRECTIONAL_LIGHTS, otherwise=from_point)
+def from_direction(scene, light, kind, o, u, v):
+    """A directional light, or else."""
+    if kind == DIRECTIONAL_LIGHT:
+        return sample_directional_light(scene, light, o, u, v)
+    return from_point(scene, light, kind, o, u, v)
+
+
+@kernel(needs=ENVIRONMENT, otherwise=from_direction)
+def from_any(scene, light, kind, o, u, v):
+    """The environment, or else."""
+    if kind == ENVIRONMENT_LIGHT:
+        return sample_environment_light(scene, light, o, u, v)
+    return from_direction(scene, light, kind, o, u, v)
+
+
+@kernel
+def pick_light(scene, u):
+    """Draw from the alias table of the lights."""
+    count = scene.light_count
+    x = u * f32(count)
+    i = min(i32(x), i32(count - 1))
+    x = x - f32(i)
+    row = light_row(scene, i, 0)
+    if x < row[0]:
+        return Pick(i, min(x / row[0], 0.99999994))
+    return Pick(as_int(row[1]), min((x - row[0]) / (1.0 - row[0]), 0.99999994))
+
+
+@kernel
+def pick_and_reuse(scene, pixel, sample, seed, depth, u):
+    """Choose among few lights: what the choice leaves of the number places the point."""
+    return pick_light(scene, u)
+
+
+@kernel(needs=MANY_LIGHTS, otherwise=pick_and_reuse)
+def choose_light(scene, pixel, sample, seed, depth, u):
+    """Choose a light with the probability of its power; many lights need a number of their own."""
+    chosen = pick_light(scene, choice_numbers(scene, pixel, sample, seed, depth).a)
+    return Pick(chosen.index, u)
+
+
+@kernel
+def sample_nothing(scene, o, pixel, sample, seed, depth, u, v):
+    """A scene without lights."""
+    return no_light()
+
+
+@kernel(needs=ANY_LIGHT, otherwise=sample_nothing)
+def sample_light(scene, o, pixel, sample, seed, depth, u, v):
+    """Light that may arrive at the point o."""
+    chosen = choose_light(scene, pixel, sample, seed, depth, u)
+    kind = as_int(light_row(scene, chosen.index, 0)[3])
+    return from_any(scene, chosen.index, kind, o, chosen.rest, v)
+
+
+@kernel
+def triangle_emitter_pdf(scene, ray, hit, s):
+    """Density per solid angle with which `sample_light` finds the triangle that a ray hit."""
+    return load(scene.emitter_density, hit.primitive) * hit.t * hit.t / abs(dot(s.n, ray.d))
+
+
+@kernel(needs=QUADRICS, otherwise=triangle_emitter_pdf)
+def emitter_pdf(scene, ray, hit, s):
+    """Density per solid angle with which `sample_light` finds the point that a ray hit."""
+    pdf = triangle_emitter_pdf(scene, ray, hit, s)
+    if hit.primitive < scene.triangle_count:
+        return pdf
+    q = quadric_at(scene.quadrics, hit.primitive - scene.triangle_count)
+    return pdf / area_scale(q, object_normal(q, point_to_object(q, s.p)))

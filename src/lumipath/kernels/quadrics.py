@@ -1,0 +1,218 @@
+"""Exact quadrics under affine transforms: the unit sphere, and cones about z (cylinders among them).
+
+Rays go to object space, where their direction keeps its length in world units, so that distances need no conversion.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from ..lang import INF, PI, Vec3, as_int, f32, i32, kernel, load4, struct
+from ..pack.layout import CAPPED_CONE, QUADRIC_SIZE, SPHERE
+from .functions import acos_turn, atan2_turn
+from .vectors import cross, dot, length, normalize, xyz
+from .warps import SPHERE_AREA, uniform_disc, uniform_sphere
+
+
+@struct
+class Quadric:
+    """A quadric's record: world to object, and its shape."""
+
+    x: Vec3
+    y: Vec3
+    z: Vec3
+    translation: Vec3
+    kind: i32
+    bottom: f32  # radius at z = 0
+    top: f32  # radius at z = height
+    height: f32
+
+
+@struct
+class ObjectPoint:
+    """A point of a quadric in object space, with its outward unit normal."""
+
+    p: Vec3
+    n: Vec3
+
+
+@kernel
+def quadric_at(quadrics, index):
+    """The quadric of that number."""
+    row = index * QUADRIC_SIZE
+    x = load4(quadrics, row)
+    y = load4(quadrics, row + 4)
+    z = load4(quadrics, row + 8)
+    shape = load4(quadrics, row + 12)
+    return Quadric(xyz(x), xyz(y), xyz(z), Vec3(x[3], y[3], z[3]), as_int(shape[0]), shape[1], shape[2], shape[3])
+
+
+@kernel
+def vector_to_object(q, v):
+    """A world direction in object space."""
+    return Vec3(dot(q.x, v), dot(q.y, v), dot(q.z, v))
+
+
+@kernel
+def point_to_object(q, p):
+    """A world point in object space."""
+    return vector_to_object(q, p) + q.translation
+
+
+@kernel
+def normal_to_world(q, n):
+    """An object normal in world space, not normalised: the transpose of world to object."""
+    return q.x * n.x + q.y * n.y + q.z * n.z
+
+
+@kernel
+def area_scale(q, n):
+    """World area over object area where the unit object normal is n: |det M| |M^-T n|."""
+    return length(normal_to_world(q, n)) / abs(dot(q.x, cross(q.y, q.z)))
+
+
+@kernel
+def sphere_distance(o, d, tmax):
+    """Nearest t in (0, tmax) with |o + t d| = 1, else infinity."""
+    # From the point nearest to the centre no digits cancel (Haines et al. 2019, Ray Tracing Gems, chapter 7).
+    dd = dot(d, d)
+    middle = -dot(o, d) / dd
+    nearest = o + d * middle
+    rest = 1.0 - dot(nearest, nearest)
+    if not rest >= 0.0:
+        return INF
+    half = sqrt(rest / dd)
+    t = middle - half
+    if t <= 0.0:
+        t = middle + half
+    return t if (t > 0.0) & (t < tmax) else INF
+
+
+@kernel
+def disc_distance(o, d, height, radius, tmax):
+    """t in (0, tmax) where the ray meets the disc at z = height around the z axis, else infinity."""
+    t = (height - o.z) / d.z
+    x = o.x + d.x * t
+    y = o.y + d.y * t
+    return t if (t > 0.0) & (t < tmax) & (x * x + y * y <= radius * radius) else INF
+
+
+@kernel
+def mantle_root(o, d, height, middle, t, tmax):
+    """`middle + t` if it is in (0, tmax) and the point at t lies between the ends of the cone, else infinity."""
+    z = o.z + d.z * t
+    world = middle + t
+    return world if (world > 0.0) & (world < tmax) & (z >= 0.0) & (z <= height) else INF
+
+
+@kernel
+def cone_distance(q, o, d, tmax):
+    """Nearest t in (0, tmax) on the mantle or a cap, else infinity."""
+    best = tmax
+    # Again from the point nearest to the centre.
+    middle = -(dot(o, d) - 0.5 * q.height * d.z) / dot(d, d)
+    near = o + d * middle
+    slope = (q.top - q.bottom) / q.height
+    radius = q.bottom + slope * near.z
+    a = d.x * d.x + d.y * d.y - slope * slope * d.z * d.z
+    b = near.x * d.x + near.y * d.y - slope * radius * d.z
+    c = near.x * near.x + near.y * near.y - radius * radius
+    discriminant = b * b - a * c
+    if discriminant >= 0.0:
+        root = sqrt(discriminant)
+        w = -(b + root) if b >= 0.0 else root - b
+        # w = 0 or a = 0 give NaN or infinity, which no comparison lets through.
+        best = min(best, mantle_root(near, d, q.height, middle, w / a, best))
+        best = min(best, mantle_root(near, d, q.height, middle, c / w, best))
+    if q.kind == CAPPED_CONE:
+        best = min(best, disc_distance(o, d, f32(0.0), q.bottom, best))
+        best = min(best, disc_distance(o, d, q.height, q.top, best))
+    return best if best < tmax else INF
+
+
+@kernel
+def quadric_distance(quadrics, index, o, d, tmax):
+    """Nearest t in (0, tmax) where the world ray meets quadric `index`, else infinity."""
+    q = quadric_at(quadrics, index)
+    local_o = point_to_object(q, o)
+    local_d = vector_to_object(q, d)
+    if q.kind == SPHERE:
+        return sphere_distance(local_o, local_d, tmax)
+    return cone_distance(q, local_o, local_d, tmax)
+
+
+@kernel
+def object_normal(q, p):
+    """Outward unit normal at a point p of the surface, object space."""
+    if q.kind == SPHERE:
+        return normalize(p)
+    slope = (q.top - q.bottom) / q.height
+    r = sqrt(p.x * p.x + p.y * p.y)
+    off_mantle = abs(r - (q.bottom + slope * p.z))
+    off_bottom = abs(p.z)
+    off_top = abs(q.height - p.z)
+    if q.kind == CAPPED_CONE:
+        if (off_bottom < off_mantle) & (off_bottom < off_top):
+            return Vec3(0, 0, -1)
+        if off_top < off_mantle:
+            return Vec3(0, 0, 1)
+    outward = 1.0 / max(r, 1e-30)
+    return normalize(Vec3(p.x * outward, p.y * outward, -slope))
+
+
+@kernel
+def object_uv(q, p, n):
+    """Texture coordinates of a surface point: u around z, v along it; caps are looked at from outside."""
+    u = atan2_turn(p.y, p.x)
+    if q.kind == SPHERE:
+        return u, 1.0 - acos_turn(p.z)
+    if abs(n.z) == 1.0:
+        radius = max(q.bottom, q.top) * 2.0
+        return 0.5 + p.x / radius, 0.5 + p.y / radius
+    return u, p.z / q.height
+
+
+@kernel
+def object_area(q):
+    """Surface area in object space."""
+    if q.kind == SPHERE:
+        return SPHERE_AREA
+    mantle, bottom, top = cone_areas(q)
+    return mantle + bottom + top
+
+
+@kernel
+def cone_areas(q):
+    """Areas of mantle, bottom cap and top cap; caps that are not there have none."""
+    slant = sqrt(q.height * q.height + (q.bottom - q.top) * (q.bottom - q.top))
+    capped = f32(1.0) if q.kind == CAPPED_CONE else f32(0.0)
+    return PI * (q.bottom + q.top) * slant, PI * q.bottom * q.bottom * capped, PI * q.top * q.top * capped
+
+
+@kernel
+def sample_cone(q, u, v):
+    """A point with uniform density over mantle and caps."""
+    mantle, bottom, top = cone_areas(q)
+    x = u * (mantle + bottom + top)
+    if x < mantle:
+        # The radius is drawn with a density proportional to itself.
+        part = x / mantle
+        r = sqrt(q.bottom * q.bottom + part * (q.top * q.top - q.bottom * q.bottom))
+        up = part * (q.bottom + q.top) / max(r + q.bottom, 1e-30)
+        dx, dy = uniform_disc(f32(1.0), v)
+        slope = (q.top - q.bottom) / q.height
+        return ObjectPoint(Vec3(dx * r, dy * r, up * q.height), normalize(Vec3(dx, dy, -slope)))
+    if x < mantle + bottom:
+        dx, dy = uniform_disc((x - mantle) / bottom, v)
+        return ObjectPoint(Vec3(dx * q.bottom, dy * q.bottom, 0.0), Vec3(0, 0, -1))
+    dx, dy = uniform_disc(min((x - mantle - bottom) / max(top, 1e-30), 1.0), v)
+    return ObjectPoint(Vec3(dx * q.top, dy * q.top, q.height), Vec3(0, 0, 1))
+
+
+@kernel
+def sample_quadric(q, u, v):
+    """A point with uniform density over the surface in object space."""
+    if q.kind == SPHERE:
+        p = uniform_sphere(u, v)
+        return ObjectPoint(p, p)
+    return sample_cone(q, u, v)

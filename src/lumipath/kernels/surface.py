@@ -1,0 +1,111 @@
+"""From a hit to the surface there: point, normals, texture coordinates, material."""
+
+from __future__ import annotations
+
+from ..lang import Vec3, as_int, f32, i32, kernel, load, load4, struct
+from ..pack.layout import PRIMITIVE_SIZE, QUADRICS, VERTEX_DATA, VERTEX_SIZE
+from .quadrics import normal_to_world, object_normal, object_uv, point_to_object, quadric_at
+from .vectors import dot, normalize, xyz
+
+
+@struct
+class Surface:
+    """A point of a surface, as seen by a ray."""
+
+    p: Vec3
+    n: Vec3  # geometric normal, towards the ray's origin
+    shading: Vec3  # shading normal, towards the ray's origin
+    front: bool  # the geometric normal of the primitive itself points to the ray's origin
+    material: i32
+    corner: i32  # of a triangle: row of its vertex numbers; -1 otherwise
+    u: f32
+    v: f32
+    w1: f32  # barycentric weights of the second and third corner
+    w2: f32
+
+
+@struct
+class Normals:
+    """What is known of a primitive at a point before it is turned to the viewer; n has length 1."""
+
+    n: Vec3
+    shading: Vec3
+    corner: i32
+    u: f32
+    v: f32
+    w1: f32
+    w2: f32
+
+
+@kernel
+def flat_triangle(scene, primitive, p, n):
+    """A triangle without vertex data."""
+    return Normals(n, n, i32(-1), 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel(needs=VERTEX_DATA, otherwise=flat_triangle)
+def triangle_normals(scene, primitive, p, n):
+    """Interpolate vertex normals and texture coordinates at the point p of a triangle with the normal n."""
+    corner = primitive * 4
+    i0 = load(scene.corners, corner) * VERTEX_SIZE
+    i1 = load(scene.corners, corner + 1) * VERTEX_SIZE
+    i2 = load(scene.corners, corner + 2) * VERTEX_SIZE
+    p0 = load4(scene.vertices, i0)
+    p1 = load4(scene.vertices, i1)
+    p2 = load4(scene.vertices, i2)
+    n0 = load4(scene.vertices, i0 + 4)
+    n1 = load4(scene.vertices, i1 + 4)
+    n2 = load4(scene.vertices, i2 + 4)
+    # Barycentric coordinates by least squares (Ericson 2005, Real-Time Collision Detection, section 3.4).
+    e1 = xyz(p1) - xyz(p0)
+    e2 = xyz(p2) - xyz(p0)
+    r = p - xyz(p0)
+    d11 = dot(e1, e1)
+    d12 = dot(e1, e2)
+    d22 = dot(e2, e2)
+    r1 = dot(r, e1)
+    r2 = dot(r, e2)
+    scale = 1.0 / (d11 * d22 - d12 * d12)
+    w1 = min(max((d22 * r1 - d12 * r2) * scale, 0.0), 1.0)
+    w2 = min(max((d11 * r2 - d12 * r1) * scale, 0.0), 1.0 - w1)
+    w0 = 1.0 - w1 - w2
+    smooth = xyz(n0) * w0 + xyz(n1) * w1 + xyz(n2) * w2
+    size = dot(smooth, smooth)
+    # Vertices without a normal have 0.
+    smooth = normalize(smooth) if size > 1e-12 else n
+    u = p0[3] * w0 + p1[3] * w1 + p2[3] * w2
+    v = n0[3] * w0 + n1[3] * w1 + n2[3] * w2
+    return Normals(n, smooth, corner, u, v, w1, w2)
+
+
+@kernel
+def only_triangles(scene, primitive, p, n):
+    """A scene without quadrics."""
+    return triangle_normals(scene, primitive, p, n)
+
+
+@kernel(needs=QUADRICS, otherwise=only_triangles)
+def primitive_normals(scene, primitive, p, n):
+    """Normals and texture coordinates of a triangle or a quadric."""
+    if primitive < scene.triangle_count:
+        return triangle_normals(scene, primitive, p, n)
+    q = quadric_at(scene.quadrics, primitive - scene.triangle_count)
+    local = point_to_object(q, p)
+    local_n = object_normal(q, local)
+    u, v = object_uv(q, local, local_n)
+    world = normalize(normal_to_world(q, local_n))
+    return Normals(world, world, i32(-1), u, v, 0.0, 0.0)
+
+
+@kernel
+def surface_at(scene, ray, hit):
+    """The surface that a hit found."""
+    row = load4(scene.primitives, hit.primitive * PRIMITIVE_SIZE)
+    p = ray.o + ray.d * hit.t
+    found = primitive_normals(scene, hit.primitive, p, xyz(row))
+    front = dot(found.n, ray.d) < 0.0
+    n = found.n if front else -found.n
+    shading = found.shading if dot(found.shading, n) >= 0.0 else -found.shading
+    # A shading normal that turns away from the viewer would make the surface black: use the true one there.
+    shading = shading if dot(shading, ray.d) < 0.0 else n
+    return Surface(p, n, shading, front, as_int(row[3]), found.corner, found.u, found.v, found.w1, found.w2)

@@ -1,0 +1,1 @@
+"""From a `Scene` to a `PackedScene`: flat arrays that kernels read."""

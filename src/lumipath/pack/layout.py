@@ -1,0 +1,127 @@
+"""The packed scene: flat arrays, their records, and the feature bits. Declared here once, for packing and for kernels.
+
+Every record is a row of float32 (`rows of 4` are read by one 128-bit load); integers lie in it as bits.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from ..lang import Features, f32, i32, u32
+
+# ---- feature bits: what the scene and the settings use --------------------------------------------------------------
+MIRRORS = 1 << 0
+DIELECTRICS = 1 << 1
+TEXTURES = 1 << 2
+SMOOTH_NORMALS = 1 << 3
+BLENDED_MATERIALS = 1 << 4
+CULLING = 1 << 5
+QUADRICS = 1 << 6
+TRIANGLE_LIGHTS = 1 << 7
+QUADRIC_LIGHTS = 1 << 8
+POINT_LIGHTS = 1 << 9
+DIRECTIONAL_LIGHTS = 1 << 10
+ENVIRONMENT = 1 << 11
+MANY_LIGHTS = 1 << 12
+INDEPENDENT_SAMPLER = 1 << 13
+UNIFORM_HEMISPHERE = 1 << 14
+SCHLICK_FRESNEL = 1 << 15
+LENS = 1 << 16
+ROULETTE = 1 << 17
+
+ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
+SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
+VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
+
+# ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), material index as bits ----------------------
+PRIMITIVE_SIZE = i32(4)
+
+# ---- vertices: 8 floats: position xyz, u; shading normal xyz, v ------------------------------------------------------
+VERTEX_SIZE = i32(8)
+
+# ---- materials: 28 floats. Each colour is followed by its texture number as bits, -1 for none ------------------------
+MATERIAL_SIZE = i32(28)
+DIFFUSE = i32(0)  # albedo rgb
+EMISSION = i32(4)  # radiance rgb
+MIRROR = i32(8)  # weight rgb
+EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 1 for a dielectric, else 0
+REFLECTION_TINT = i32(16)  # of Fresnel reflection, rgb
+INTERNAL_TINT = i32(20)  # of total internal reflection, rgb
+REFRACTION = i32(24)  # index of refraction, mean transmissive weight, unused, unused
+
+# ---- textures: 4 ints: first texel, width, height, 1 to clamp; texels: 4 floats: rgb, unused ------------------------
+TEXTURE_SIZE = i32(4)
+
+# ---- quadrics: 16 floats: world to object as rows of 4, then kind as bits, radius at 0, radius at height, height ----
+QUADRIC_SIZE = i32(16)
+SPHERE = i32(0)
+OPEN_CONE = i32(1)
+CAPPED_CONE = i32(2)
+
+# ---- lights: 24 floats -----------------------------------------------------------------------------------------------
+# 0 alias threshold, other index, probability, kind; then by kind:
+#   triangle    4 vertex, density per area   8 edge, primitive   12 edge, 1 if two-sided   16 normal, material
+#   quadric     4 object to world as rows of 4   16 quadric, primitive, material, density per object area
+#   point       4 position   8 colour   12 attenuation
+#   directional 4 direction to the light   8 colour
+#   environment nothing more
+LIGHT_SIZE = i32(24)
+TRIANGLE_LIGHT = i32(0)
+QUADRIC_LIGHT = i32(1)
+POINT_LIGHT = i32(2)
+DIRECTIONAL_LIGHT = i32(3)
+ENVIRONMENT_LIGHT = i32(4)
+
+# ---- environment: 4 floats a texel: radiance rgb, density per solid angle times sin(theta). Rows and cells are alias
+#      tables of 2 floats: threshold, other index as bits; first the row is drawn, then the cell in it --------------------
+
+
+class PackedScene(NamedTuple):
+    """A scene as kernels see it; picklable, and the same on every device."""
+
+    features: Features
+    accel: Any  # the BVH: a NamedTuple of `accel`
+    primitives: NDArray[Any]  # (P, 4) float32; triangles first, then quadrics
+    corners: NDArray[Any]  # (T, 4) int32: vertex numbers of a triangle; empty without VERTEX_DATA
+    vertices: NDArray[Any]  # (V, 8) float32; empty without VERTEX_DATA
+    vertex_materials: NDArray[Any]  # (V,) int32; empty without BLENDED_MATERIALS
+    emitter_density: NDArray[Any]  # (P,) float32: density per area of being sampled as a light; 0: not a light
+    quadrics: NDArray[Any]  # (Q, 16) float32
+    materials: NDArray[Any]  # (M, 28) float32
+    textures: NDArray[Any]  # (N, 4) int32
+    texels: NDArray[Any]  # (., 4) float32
+    lights: NDArray[Any]  # (L, 24) float32
+    light_count: i32
+    triangle_count: i32
+    environment: NDArray[Any]  # (H * W, 4) float32
+    environment_rows: NDArray[Any]  # (H, 2) float32
+    environment_cells: NDArray[Any]  # (H * W, 2) float32
+    environment_frame: NDArray[Any]  # (12,) float32: world to environment (a rotation) as rows of 4
+    environment_width: i32
+    environment_height: i32
+    environment_probability: f32  # of choosing the environment among the lights
+
+
+class View(NamedTuple):
+    """Camera, film and limits of one render, as kernels see them."""
+
+    lens: NDArray[Any]  # (16,) float32: position, aperture; right, focus; up, half height; backward, half width
+    width: i32  # of the full image, pixels
+    height: i32
+    left: i32  # of the part on the film
+    top: i32
+    film_width: i32
+    film_height: i32
+    seed: u32
+    max_depth: i32
+    rr_depth: i32
+
+
+class FilmArrays(NamedTuple):
+    """Sums of samples (H, W, 3) float32, what their rounding lost (H, W, 3) float32, and numbers of samples (H, W) uint32."""
+
+    total: NDArray[Any]
+    lost: NDArray[Any]
+    counts: NDArray[Any]

@@ -1,0 +1,109 @@
+"""Materials and textures as tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene import Material, Texture
+from ..scene.material import is_positive
+from . import layout
+
+# Stands for a transmissive part of 0: whatever enters is gone within the shortest stretch.
+_OPAQUE = 1e20
+
+
+class MaterialTable:
+    """Collects materials, each once, and the textures that they use."""
+
+    def __init__(self) -> None:
+        self.materials: list[Material] = []
+        self._textures: list[Texture] = []
+        self._numbers: dict[int, int] = {}
+
+    def number(self, material: Material) -> int:
+        """Number of a material in the table."""
+        key = id(material)
+        if key not in self._numbers:
+            self._numbers[key] = len(self.materials)
+            self.materials.append(material)
+        return self._numbers[key]
+
+    def _texture_number(self, texture: Texture) -> int:
+        for number, known in enumerate(self._textures):
+            if known is texture:
+                return number
+        self._textures.append(texture)
+        return len(self._textures) - 1
+
+    def _write_colour(self, row: NDArray[np.float32], at: int, value: Any) -> None:
+        if isinstance(value, Texture):
+            row[at : at + 3] = value.mean()
+            row.view(np.int32)[at + 3] = self._texture_number(value)
+        else:
+            row[at : at + 3] = value
+            row.view(np.int32)[at + 3] = -1
+
+    def rows(self) -> NDArray[np.float32]:
+        """(M, 28) float32: the records of all materials."""
+        table = np.zeros((len(self.materials), int(layout.MATERIAL_SIZE)), np.float32)
+        for row, material in zip(table, self.materials):
+            self._write_row(row, material)
+        return table
+
+    def _write_row(self, row: NDArray[np.float32], material: Material) -> None:
+        white = (1.0, 1.0, 1.0)
+        mirror = material.specular
+        if mirror is None:
+            # `reflective` is a mirror only where light does not go through.
+            mirror = None if material.is_dielectric else material.reflective
+        self._write_colour(row, int(layout.DIFFUSE), material.diffuse)
+        self._write_colour(row, int(layout.EMISSION), material.emission)
+        self._write_colour(row, int(layout.MIRROR), mirror if mirror is not None else (0.0, 0.0, 0.0))
+        tint = material.specular if material.specular is not None else white
+        self._write_colour(row, int(layout.REFLECTION_TINT), tint)
+        internal = material.reflective if material.reflective is not None else white
+        self._write_colour(row, int(layout.INTERNAL_TINT), internal)
+        kt = np.array(mean_colour(material.transmissive))
+        with np.errstate(divide="ignore"):
+            extinction = np.minimum(-np.log(np.minimum(kt, 1.0)), _OPAQUE)
+        row[layout.EXTINCTION : layout.EXTINCTION + 3] = extinction
+        row[layout.EXTINCTION + 3] = float(material.is_dielectric)
+        row[layout.REFRACTION] = material.index
+        row[layout.REFRACTION + 1] = kt.mean()
+
+    def textures(self) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """(N, 4) int32 texture records and (., 4) float32 texels; call after `rows`."""
+        records = np.zeros((len(self._textures), 4), np.int32)
+        texels = []
+        first = 0
+        for record, texture in zip(records, self._textures):
+            height, width, _ = texture.image.shape
+            record[:] = first, width, height, texture.wrap == "clamp"
+            texels.append(np.concatenate([texture.image.reshape(-1, 3), np.zeros((height * width, 1), np.float32)], 1))
+            first += height * width
+        return records, np.concatenate(texels) if texels else np.zeros((0, 4), np.float32)
+
+    def features(self) -> int:
+        """Feature bits of the materials."""
+        mask = 0
+        for material in self.materials:
+            if material.is_dielectric:
+                mask |= layout.DIELECTRICS
+            elif is_positive(material.reflective) and material.specular is None:
+                mask |= layout.MIRRORS
+            if is_positive(material.specular):
+                mask |= layout.MIRRORS
+            if any(isinstance(getattr(material, lobe), Texture) for lobe in _RENDERED_LOBES):
+                mask |= layout.TEXTURES
+        return mask
+
+
+_RENDERED_LOBES = ("emission", "diffuse", "specular", "reflective", "transmissive")
+
+
+def mean_colour(value: Any) -> tuple[float, float, float]:
+    """The colour, or the mean of the texture."""
+    return value.mean() if isinstance(value, Texture) else value

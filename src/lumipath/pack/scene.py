@@ -1,0 +1,134 @@
+"""A scene and its settings as flat arrays."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from ..errors import LumipathWarning, SceneError
+from ..lang import Features, aligned, f32, i32, u32
+from ..scene import Camera, Scene
+from ..settings import RenderSettings
+from . import layout
+from .environment import no_environment, pack_environment
+from .geometry import Geometry, flatten, vertex_rows
+from .layout import PackedScene, View
+from .lights import collect_lights, scene_radius
+from .materials import MaterialTable
+
+# Primitive numbers share a 32-bit word with a flag.
+_MAX_PRIMITIVES = 1 << 29
+
+
+@frozen(eq=False)
+class Packed:
+    """A packed scene without its tree, and what a tree is built from."""
+
+    scene: PackedScene
+    geometry: Geometry
+
+
+def pack_scene(scene: Scene) -> Packed:
+    """Flatten a scene. The tree is left out: each kind of device has its own.
+
+    Raises:
+        SceneError: more primitives than can be numbered.
+    """
+    table = MaterialTable()
+    geometry = flatten(scene, table)
+    primitives = len(geometry.faces) + len(geometry.quadrics)
+    if primitives >= _MAX_PRIMITIVES:
+        raise SceneError(f"{scene.name} has {primitives} primitives; at most {_MAX_PRIMITIVES} are possible")
+    if primitives == 0:
+        warnings.warn(f"{scene.name} has no shapes: only its background is rendered", LumipathWarning, stacklevel=2)
+    environment = pack_environment(scene.environment) if scene.environment else no_environment()
+    lights = collect_lights(scene, geometry, table, scene_radius(geometry), environment.mean)
+    features = geometry.features | table.features() | lights.features
+    rows = table.rows()
+    textures, texels = table.textures()
+    has_vertex_data = bool(features & layout.VERTEX_DATA)
+    corners = np.zeros((len(geometry.faces) if has_vertex_data else 0, 4), np.int32)
+    if has_vertex_data:
+        corners[:, :3] = geometry.faces
+    packed = PackedScene(
+        features=Features(features),
+        accel=None,
+        primitives=aligned(_primitive_rows(geometry)),
+        corners=aligned(corners),
+        vertices=aligned(vertex_rows(geometry) if has_vertex_data else np.zeros((0, 8), np.float32)),
+        vertex_materials=aligned(
+            geometry.vertex_materials if features & layout.BLENDED_MATERIALS else np.zeros(0, np.int32)
+        ),
+        emitter_density=aligned(lights.emitter_density if features & layout.SURFACE_LIGHTS else np.zeros(0, np.float32)),
+        quadrics=aligned(geometry.quadric_rows),
+        materials=aligned(rows),
+        textures=aligned(textures),
+        texels=aligned(texels),
+        lights=aligned(lights.rows),
+        light_count=i32(len(lights.rows)),
+        triangle_count=i32(len(geometry.faces)),
+        environment=aligned(environment.texels),
+        environment_rows=aligned(environment.rows),
+        environment_cells=aligned(environment.cells),
+        environment_frame=aligned(environment.frame),
+        environment_width=i32(environment.width),
+        environment_height=i32(environment.height),
+        environment_probability=f32(lights.environment_probability),
+    )
+    return Packed(packed, geometry)
+
+
+def _primitive_rows(geometry: Geometry) -> NDArray[np.float32]:
+    """(P, 4) float32: the records of all primitives."""
+    triangles = len(geometry.faces)
+    rows = np.zeros((triangles + len(geometry.quadrics), int(layout.PRIMITIVE_SIZE)), np.float32)
+    rows[:triangles, :3] = geometry.face_normals()[0]
+    rows.view(np.int32)[:triangles, 3] = geometry.face_materials
+    rows.view(np.int32)[triangles:, 3] = geometry.quadric_materials
+    return rows
+
+
+def settings_features(settings: RenderSettings, camera: Camera) -> int:
+    """Feature bits of the settings."""
+    mask = layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
+    mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0
+    mask |= layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0
+    mask |= layout.ROULETTE if settings.rr_depth is not None and settings.rr_depth < settings.max_depth else 0
+    aperture = camera.aperture if settings.aperture is None else settings.aperture
+    return mask | (layout.LENS if aperture > 0 else 0)
+
+
+def pack_view(camera: Camera, settings: RenderSettings) -> View:
+    """Camera, film and limits.
+
+    Raises:
+        UsageError: the crop lies outside the image, or the image is too large.
+    """
+    width, height = settings.size(camera.aspect)
+    left, top, right, bottom = settings.crop_of(width, height)
+    axes = camera.axes()
+    half_height = math.tan(math.radians(camera.fov) / 2)
+    lens = np.zeros((4, 4), np.float32)
+    lens[0, :3] = camera.position
+    lens[1:, :3] = axes
+    lens[0, 3] = camera.aperture if settings.aperture is None else settings.aperture
+    lens[1, 3] = camera.focus if settings.focus is None else settings.focus
+    lens[2, 3] = half_height
+    # The shape of the pixels follows the image, so that nothing is distorted.
+    lens[3, 3] = half_height * width / height
+    return View(
+        lens=aligned(lens.reshape(-1)),
+        width=i32(width),
+        height=i32(height),
+        left=i32(left),
+        top=i32(top),
+        film_width=i32(right - left),
+        film_height=i32(bottom - top),
+        seed=u32(settings.seed),
+        max_depth=i32(settings.max_depth),
+        rr_depth=i32(settings.rr_depth if settings.rr_depth is not None else 1 << 30),
+    )
