@@ -1,0 +1,172 @@
+"""The CPU's tree: 8-wide nodes and groups of up to 8 primitives, both as structures of arrays."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..lang import aligned, compiled
+from .build import BinaryTree
+
+WIDTH = 8
+NODE_SIZE = 64
+GROUP_SIZE = 80
+EMPTY = np.int32(-1)
+TWO_SIDED = np.int32(1 << 30)
+"""Set in a group's primitive number where the triangle is seen from behind; without it, it is not."""
+PRIMITIVE_MASK = np.int32((1 << 30) - 1)
+
+
+class BVH8(NamedTuple):
+    """An 8-wide tree.
+
+    nodes: (N, 64) float32: lower x of 8 children, upper x, lower y, upper y, lower z, upper z, then 8 links as bits and
+        8 unused. A link is the number of a node, -1 for no child, or -2 - g for the group g.
+    groups: (G, 80) float32: for the 8 primitives of a leaf the x of the first corner, y, z, x of the second corner, ...,
+        z of the third, then 8 primitive numbers as bits: -1 for none, `TWO_SIDED` set where it holds. A quadric has a
+        triangle without area, which nothing hits.
+    """
+
+    nodes: NDArray[Any]
+    groups: NDArray[Any]
+
+
+@compiled
+def _choose_children(tree_child, lower, upper, node, children):
+    """Open the child of the largest area until there are eight; returns their number."""
+    count = 1
+    children[0] = node
+    while count < 8:
+        best = -1
+        best_area = np.float32(-1.0)
+        for k in range(count):
+            c = children[k]
+            if tree_child[c] >= 0:
+                x = upper[c, 0] - lower[c, 0]
+                y = upper[c, 1] - lower[c, 1]
+                z = upper[c, 2] - lower[c, 2]
+                area = x * y + y * z + z * x
+                if area > best_area or best < 0:
+                    best_area = area
+                    best = k
+        if best < 0:
+            break
+        left = tree_child[children[best]]
+        children[best] = left
+        children[count] = left + 1
+        count += 1
+    return count
+
+
+@compiled
+def _sort_by_octant(lower, upper, node, children, count, slots):
+    """Give each child a slot whose bits say on which side of the node it lies (x: 4, y: 2, z: 1), best fits first.
+
+    Then slot order, with the bits of the ray's direction flipped, is near to far (Ylitie et al. 2017, section 3.2).
+    """
+    taken = np.zeros(8, np.bool_)
+    for k in range(8):
+        slots[k] = -1
+    for _ in range(count):
+        best = np.inf
+        best_child = -1
+        best_slot = -1
+        for k in range(count):
+            if taken[k]:
+                continue
+            c = children[k]
+            x = np.float64(lower[c, 0]) + upper[c, 0] - lower[node, 0] - upper[node, 0]
+            y = np.float64(lower[c, 1]) + upper[c, 1] - lower[node, 1] - upper[node, 1]
+            z = np.float64(lower[c, 2]) + upper[c, 2] - lower[node, 2] - upper[node, 2]
+            for slot in range(8):
+                if slots[slot] >= 0:
+                    continue
+                cost = (-x if slot & 4 else x) + (-y if slot & 2 else y) + (-z if slot & 1 else z)
+                if cost < best or best_child < 0:
+                    best = cost
+                    best_child = k
+                    best_slot = slot
+        taken[best_child] = True
+        slots[best_slot] = children[best_child]
+
+
+@compiled
+def _write_group(group, numbers, order, first, count, vertices, faces, two_sided):
+    """Corners and numbers of a leaf's primitives; what is not a triangle gets corners at 0."""
+    for k in range(8):
+        numbers[k] = EMPTY
+    for k in range(72):
+        group[k] = np.float32(0.0)
+    for k in range(count):
+        p = order[first + k]
+        if p >= len(faces):
+            numbers[k] = p | TWO_SIDED
+            continue
+        numbers[k] = p | TWO_SIDED if two_sided[p] else p
+        for corner in range(3):
+            for axis in range(3):
+                group[24 * corner + 8 * axis + k] = vertices[faces[p, corner], axis]
+
+
+@compiled
+def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided, nodes, groups):
+    """Fill nodes and groups, depth first; returns how many of each."""
+    links = nodes.view(np.int32)
+    numbers = groups.view(np.int32)
+    children = np.empty(8, np.int32)
+    slots = np.empty(8, np.int32)
+    source = np.empty(512, np.int32)
+    target = np.empty(512, np.int32)
+    source[0] = 0
+    target[0] = 0
+    waiting = 1
+    node_count = 1
+    group_count = 0
+    while waiting > 0:
+        waiting -= 1
+        node = source[waiting]
+        row = target[waiting]
+        found = _choose_children(child, lower, upper, node, children)
+        _sort_by_octant(lower, upper, node, children, found, slots)
+        for slot in range(7, -1, -1):
+            c = slots[slot]
+            links[row, 48 + slot] = EMPTY
+            links[row, 56 + slot] = EMPTY
+            for axis in range(3):
+                nodes[row, 16 * axis + slot] = lower[c, axis] if c >= 0 else np.float32(np.inf)
+                nodes[row, 16 * axis + 8 + slot] = upper[c, axis] if c >= 0 else np.float32(-np.inf)
+            if c < 0:
+                continue
+            if child[c] >= 0:
+                links[row, 48 + slot] = node_count
+                source[waiting] = c
+                target[waiting] = node_count
+                waiting += 1
+                node_count += 1
+            else:
+                links[row, 48 + slot] = -2 - group_count
+                _write_group(
+                    groups[group_count], numbers[group_count, 72:], order, first[c], count[c], vertices, faces, two_sided
+                )
+                group_count += 1
+    return node_count, group_count
+
+
+def widen(
+    tree: BinaryTree, vertices: NDArray[np.float32], faces: NDArray[np.int32], two_sided: NDArray[np.bool_]
+) -> BVH8:
+    """The 8-wide tree of a binary one.
+
+    Args:
+        tree: over all primitives, triangles first; its leaves hold at most 8.
+        vertices: (V, 3) positions.
+        faces: (T, 3) vertex numbers of the triangles; primitives from T on are quadrics.
+        two_sided: (T,) whether a triangle is seen from behind.
+    """
+    size = len(tree.child) // 2 + 1
+    nodes = np.empty((size, NODE_SIZE), np.float32)
+    groups = np.empty((size, GROUP_SIZE), np.float32)
+    node_count, group_count = _widen(*tree, vertices, faces, two_sided, nodes, groups)
+    return BVH8(aligned(nodes[:node_count]), aligned(groups[:group_count]))
