@@ -1,0 +1,1 @@
+"""Film, session and image."""

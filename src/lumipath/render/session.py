@@ -1,0 +1,166 @@
+"""Progressive rendering: passes over the whole image, until there are enough samples or somebody stops."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import attrs
+from attrs import frozen
+
+from ..devices import open_device
+from ..devices.device import Device
+from ..errors import LumipathWarning
+from ..lang import Features
+from ..pack.scene import pack_scene, pack_view, settings_features
+from ..scene import Scene
+from ..settings import RenderSettings
+from .film import Film
+from .image import Image
+
+_PASS_SECONDS = 0.3
+
+
+@frozen
+class Progress:
+    """How far a render is: mean samples per pixel, samples wanted, seconds of rendering, paths traced."""
+
+    samples: float
+    total: int
+    seconds: float
+    paths: int
+
+    @property
+    def fraction(self) -> float:
+        """From 0 to 1."""
+        return min(1.0, self.samples / self.total)
+
+    @property
+    def remaining_seconds(self) -> float:
+        """Estimate of the time that is left; infinite before the first sample."""
+        return self.seconds * (1 - self.fraction) / self.fraction if self.fraction > 0 else float("inf")
+
+    @property
+    def mpaths_per_s(self) -> float:
+        """Million paths per second so far."""
+        return self.paths / self.seconds / 1e6 if self.seconds > 0 else 0.0
+
+
+class Session:
+    """A render in progress: iterate over its passes, look at the image at any time, stop when you like.
+
+    Args:
+        scene: what to render.
+        settings: how; the defaults of `RenderSettings` where None.
+        device: `auto` or `cpu`.
+        overrides: fields of `RenderSettings` that replace those of `settings`.
+
+    Attributes:
+        settings: the settings in force.
+        device: what renders; its `name` is for people.
+        film: the sums so far.
+        build_seconds: time that packing and tree building took.
+        compile_seconds: time that compiling the kernels, or loading them from the disk, took.
+
+    Raises:
+        LumipathError: a setting, the scene or the device is wrong.
+    """
+
+    def __init__(
+        self, scene: Scene, settings: RenderSettings | None = None, *, device: str = "auto", **overrides: Any
+    ) -> None:
+        self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
+        self.scene = scene
+        camera = scene.camera(self.settings.camera)
+        self._view = pack_view(camera, self.settings)
+        self.film = Film(int(self._view.film_width), int(self._view.film_height))
+        self.device: Device = open_device(device, self.settings.threads)
+        start = time.perf_counter()
+        packed = self.device.upload(pack_scene(scene))
+        features = packed.features.mask | settings_features(self.settings, camera)
+        self._packed = packed._replace(features=Features(features))
+        self.build_seconds = time.perf_counter() - start
+        start = time.perf_counter()
+        self.device.compile(self._packed, self._view, self.film.arrays)
+        self.compile_seconds = time.perf_counter() - start
+        self.render_seconds = 0.0
+        self._warned = False
+
+    @property
+    def width(self) -> int:
+        """Pixels across, of what is rendered."""
+        return self.film.width
+
+    @property
+    def height(self) -> int:
+        """Pixels down, of what is rendered."""
+        return self.film.height
+
+    def __iter__(self) -> Iterator[Progress]:
+        """Render pass by pass; a KeyboardInterrupt leaves the film valid and comes through."""
+        done = int(self.film.counts.min())
+        while done < self.settings.spp:
+            last = min(self.settings.spp, done + self._pass_samples())
+            start = time.perf_counter()
+            try:
+                self.film.rejected += self.device.render(self._packed, self._view, self.film.arrays, last)
+            finally:
+                self.render_seconds += time.perf_counter() - start
+            done = last
+            self._warn_of_rejected()
+            yield self.progress()
+
+    def _pass_samples(self) -> int:
+        """Samples of the next pass: as many as fit into its time, at the speed so far."""
+        if self.film.samples == 0:
+            return 1
+        return max(1, int(_PASS_SECONDS * self.film.samples / max(self.render_seconds, 1e-9)))
+
+    def _warn_of_rejected(self) -> None:
+        if self.film.rejected and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"{self.scene.name}: some samples were not finite; they count as black", LumipathWarning, stacklevel=3
+            )
+
+    def progress(self) -> Progress:
+        """How far the render is."""
+        paths = int(self.film.counts.sum(dtype="int64"))
+        return Progress(self.film.samples, self.settings.spp, self.render_seconds, paths)
+
+    def run(self, progress: Callable[[Progress], None] | None = None) -> Image:
+        """Render everything that is left, calling `progress` after each pass."""
+        for step in self:
+            if progress:
+                progress(step)
+        return self.image()
+
+    def image(self) -> Image:
+        """The image of the samples so far."""
+        metadata = {
+            "samples": self.film.samples,
+            "seed": self.settings.seed,
+            "seconds": self.render_seconds,
+            "scene": self.scene.name,
+            "device": self.device.name,
+        }
+        return Image(self.film.mean(), metadata)
+
+
+def render(
+    scene: Scene, *, device: str = "auto", progress: Callable[[Progress], None] | None = None, **settings: Any
+) -> Image:
+    """Render a scene.
+
+    Args:
+        scene: from `lumipath.load` or made in Python.
+        device: `auto` or `cpu`.
+        progress: called with a `Progress` after each pass.
+        settings: fields of `RenderSettings`, as `spp=256`.
+
+    Raises:
+        LumipathError: a setting, the scene or the device is wrong.
+    """
+    return Session(scene, device=device, **settings).run(progress)

@@ -1,0 +1,134 @@
+"""From linear radiance to what a display shows: tone curves and the sRGB curve, on NumPy arrays.
+
+A tonemap takes linear Rec.709 values (..., 3), 0 or more, and returns linear display values in 0..1; `encode_srgb` then
+makes the numbers that an 8-bit file holds. `linear` alone skips that curve.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UsageError
+from ..settings import TONEMAPS
+
+Floats = NDArray[np.float32]
+
+# Every curve is flat there, and no intermediate square overflows float32 below it.
+_LIMIT = np.float32(1e15)
+
+
+def encode_srgb(linear: Floats) -> Floats:
+    """The piecewise sRGB curve of IEC 61966-2-1, for linear values in 0..1; any shape, float32."""
+    linear = np.asarray(linear, np.float32)
+    curve = np.float32(1.055) * linear ** np.float32(1 / 2.4) - np.float32(0.055)
+    return np.where(linear <= 0.0031308, np.float32(12.92) * linear, curve)
+
+
+def decode_srgb(encoded: Floats) -> Floats:
+    """The inverse of `encode_srgb`, for values in 0..1; any shape, float32."""
+    encoded = np.asarray(encoded, np.float32)
+    curve = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
+    return np.where(encoded <= 0.04045, encoded / np.float32(12.92), curve)
+
+
+def clamp(linear: Floats) -> Floats:
+    """Everything above 1 becomes 1: what `none` and `linear` do."""
+    return np.clip(linear, 0, 1)
+
+
+# Each row adds up to 1, so that grey stays grey: the published inset is off by 1e-4.
+_AGX_INSET = np.array(
+    [
+        [0.842479062253094, 0.0784335999999992, 0.0792237451477643],
+        [0.0423282422610123, 0.878468636469772, 0.0791661274605434],
+        [0.0423756549057051, 0.0784336, 0.879142973793104],
+    ]
+)
+_AGX_INSET /= _AGX_INSET.sum(axis=1, keepdims=True)
+_AGX_OUTSET = np.linalg.inv(_AGX_INSET)
+_AGX_LOW, _AGX_HIGH = -10.0, 6.5  # stops about middle grey
+_AGX_MIDDLE_GREY = 0.18
+_AGX_PIVOT_X, _AGX_PIVOT_Y = -_AGX_LOW / (_AGX_HIGH - _AGX_LOW), 0.5
+_AGX_SLOPE = 2.0
+_AGX_TOE, _AGX_SHOULDER = 3.0, 3.25
+
+
+def _agx_half(distance: Floats, reach_x: float, reach_y: float, power: float) -> Floats:
+    """One half of the sigmoid: from 0 at the pivot with the common slope to `reach_y` at the distance `reach_x`."""
+    steepness = (_AGX_SLOPE * reach_x) ** -power * ((_AGX_SLOPE * reach_x / reach_y) ** power - 1.0)
+    scale = np.float32(steepness ** (-1.0 / power))
+    x = np.float32(_AGX_SLOPE) * distance / scale
+    return scale * x / (1 + x ** np.float32(power)) ** np.float32(1 / power)
+
+
+def agx(linear: Floats) -> Floats:
+    """Troy Sobotka's AgX, base look: inset, log2 encoding, sigmoid, outset.
+
+    Matrix and sigmoid follow https://github.com/sobotka/AgX-S2O3 (AgX.py; the sigmoid is Jed Smith's), the outset that
+    restores saturation follows Benjamin Wrensch, "Minimal AgX implementation" (iolite-engine.com).
+    """
+    inset = np.asarray(linear, np.float32) @ _AGX_INSET.T.astype(np.float32)
+    stops = np.log2(np.maximum(inset, np.float32(1e-10)) / np.float32(_AGX_MIDDLE_GREY))
+    x = np.clip((stops - np.float32(_AGX_LOW)) / np.float32(_AGX_HIGH - _AGX_LOW), 0, 1)
+    above = x - np.float32(_AGX_PIVOT_X)
+    toe = _agx_half(np.maximum(-above, 0), _AGX_PIVOT_X, _AGX_PIVOT_Y, _AGX_TOE)
+    shoulder = _agx_half(np.maximum(above, 0), 1 - _AGX_PIVOT_X, 1 - _AGX_PIVOT_Y, _AGX_SHOULDER)
+    encoded = np.float32(_AGX_PIVOT_Y) + shoulder - toe
+    # The curve is made for a display of power 2.2; its light is what the sRGB curve must encode.
+    return np.clip(encoded @ _AGX_OUTSET.T.astype(np.float32), 0, 1) ** np.float32(2.2)
+
+
+_ACES_INPUT = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
+_ACES_OUTPUT = np.array([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]])
+# Rows that add up to 1 keep grey grey; the published output matrix is off by 1e-5.
+_ACES_OUTPUT /= _ACES_OUTPUT.sum(axis=1, keepdims=True)
+
+
+def aces(linear: Floats) -> Floats:
+    """Stephen Hill's fit of the ACES RRT and ODT for sRGB displays (BakingLab, ACES.hlsl, MIT licence)."""
+    v = np.asarray(linear, np.float32) @ _ACES_INPUT.T.astype(np.float32)
+    numerator = v * (v + np.float32(0.0245786)) - np.float32(0.000090537)
+    fit = numerator / (v * (np.float32(0.983729) * v + np.float32(0.4329510)) + np.float32(0.238081))
+    return np.clip(fit @ _ACES_OUTPUT.T.astype(np.float32), 0, 1)
+
+
+_CURVES: dict[str, Callable[[Floats], Floats]] = {"none": clamp, "linear": clamp, "agx": agx, "aces": aces}
+
+
+def check_tonemap(name: str) -> str:
+    """`name` itself, if it is one of `settings.TONEMAPS`.
+
+    Raises:
+        UsageError: it is not; the message lists them.
+    """
+    if name not in TONEMAPS:
+        near = difflib.get_close_matches(str(name), TONEMAPS, 1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise UsageError(f"tonemap is {name!r}: it must be one of {', '.join(TONEMAPS)}{hint}")
+    return name
+
+
+def to_display(pixels: Any, exposure: float = 0.0, tonemap: str = "none") -> Floats:
+    """What an 8-bit file shows, still as float32 in 0..1.
+
+    Args:
+        pixels: (..., 3) linear Rec.709 radiance. Negative values count as 0, a pixel with a NaN or an
+            infinity as black.
+        exposure: stops; each doubles the light.
+        tonemap: one of `settings.TONEMAPS`. `none` clamps, `linear` clamps and leaves out the sRGB curve.
+
+    Raises:
+        UsageError: no such tonemap.
+    """
+    curve = _CURVES[check_tonemap(tonemap)]
+    linear = np.asarray(pixels, np.float32)
+    finite = np.isfinite(linear).all(axis=-1, keepdims=True)
+    with np.errstate(over="ignore"):
+        exposed = np.where(finite, np.maximum(linear, 0), 0) * np.float32(2.0**exposure)
+    shown = curve(np.minimum(exposed, _LIMIT))
+    return shown if tonemap == "linear" else encode_srgb(shown)
