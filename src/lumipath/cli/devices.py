@@ -1,0 +1,55 @@
+"""`lumipath devices`: what this machine can render on."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ._terminal import show, show_json, table
+
+if TYPE_CHECKING:
+    from ..devices import DeviceInfo
+
+_SIMD_BITS = (("avx512f", 512), ("avx", 256), ("sse2", 128), ("neon", 128))
+_LIBRARIES = ("numba", "llvmlite", "numpy")
+
+
+def devices(as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
+    """List the devices of this machine."""
+    from ..devices import list_devices
+
+    found = [_device_facts(info) for info in list_devices()]
+    software = _software_facts()
+    if as_json:
+        show_json({"devices": found, "software": software})
+        return
+    for facts in found:
+        show(table([(key.replace("_", " "), _as_text(value)) for key, value in facts.items()]) + "\n")
+    show(table(list(software.items())))
+
+
+def _device_facts(info: DeviceInfo) -> dict[str, Any]:
+    facts: dict[str, Any] = {"device": info.kind, "name": info.name, "threads": info.threads, **info.detail}
+    if info.kind == "cpu" and "simd_bits" not in facts:
+        facts["simd_bits"] = _simd_bits()
+    return facts
+
+
+def _simd_bits() -> int | None:
+    """Width of the widest vector registers that LLVM finds in this CPU."""
+    from llvmlite import binding
+
+    features = binding.get_host_cpu_features()
+    return next((bits for feature, bits in _SIMD_BITS if features.get(feature)), None)
+
+
+def _software_facts() -> dict[str, str]:
+    # Versions come from the packages' metadata: importing numba for its number would take half a second.
+    return {"python": platform.python_version(), **{name: metadata.version(name) for name in _LIBRARIES}}
+
+
+def _as_text(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)

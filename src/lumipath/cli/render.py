@@ -1,0 +1,157 @@
+"""`lumipath render`: a scene to an image file."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import attrs
+import typer
+
+from ..errors import UsageError
+from ..settings import PROGRESS_MODES, RenderSettings
+from ._progress import Reporter, Summary, make_reporter
+from ._scene import DEFAULT_SCENE, SceneArgument, open_scene, scene_stem
+from ._settings import from_definitions, from_flags, from_size, settings_from, with_setting_flags
+from ._signals import exit_code
+from ._terminal import show_error
+
+if TYPE_CHECKING:
+    from ..render.image import Image
+    from ..render.session import Progress, Session
+    from ..scene import Scene
+
+_SLOW = 2.0
+
+
+@with_setting_flags()
+def render(
+    scene: SceneArgument = DEFAULT_SCENE,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="PNG, JPEG, EXR, HDR or NPY by suffix; NAME.png by default."
+        ),
+    ] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Image width and height. [pixels]")] = None,
+    device: Annotated[str, typer.Option(metavar="auto|cpu", help="Where to render.")] = "auto",
+    cubemap: Annotated[
+        Path | None,
+        typer.Option("--cubemap", "-c", metavar="FILE", help="Environment: one of six cube faces in a folder."),
+    ] = None,
+    environment: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Environment: an equirectangular image.")
+    ] = None,
+    define: Annotated[
+        list[str] | None, typer.Option("--define", "-D", metavar="KEY=VALUE", help="Any setting by its name.")
+    ] = None,
+    progress: Annotated[
+        str, typer.Option(metavar="|".join(PROGRESS_MODES), help="How progress is shown, on stderr.")
+    ] = "auto",
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Say more; show the traceback of an unexpected error.")
+    ] = False,
+    **flags: Any,
+) -> None:
+    """Render SCENE to an image file.
+
+    Ctrl-C stops: what was rendered until then is written.
+    """
+    from ..render.image import check_writable
+
+    settings = settings_from([*from_flags(flags), *from_size(size), *from_definitions(define or [])])
+    target = output or Path(scene_stem(scene) + ".png")
+    check_writable(target)
+    with make_reporter(progress, quiet) as reporter:
+        loaded = _with_environment(open_scene(scene), cubemap, environment)
+        session = _prepare(loaded, settings, device, reporter, verbose)
+        last, interrupt = _run(session, reporter)
+        reporter.close()
+        _finish(session, last, interrupt, target, reporter)
+
+
+def _with_environment(scene: Scene, cubemap: Path | None, environment: Path | None) -> Scene:
+    """The scene under the environment asked for on the command line, if any."""
+    if cubemap is None and environment is None:
+        return scene
+    if cubemap is not None and environment is not None:
+        raise UsageError("--cubemap and --environment are two environments; give one of them")
+    from ..formats.images import read_cubemap, read_environment
+
+    light = read_cubemap(cubemap) if cubemap is not None else read_environment(str(environment))
+    return attrs.evolve(scene, environment=light)
+
+
+@contextmanager
+def _told_if_slow(reporter: Reporter, text: str) -> Iterator[None]:
+    """Say `text` if the block takes longer than two seconds."""
+    timer = threading.Timer(_SLOW, reporter.message, [text])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _prepare(scene: Scene, settings: RenderSettings, device: str, reporter: Reporter, verbose: bool) -> Session:
+    """Everything before the first sample, with a word about what took long."""
+    from ..render.session import Session
+
+    with _told_if_slow(reporter, "preparing the scene and compiling kernels (first run only) ..."):
+        session = Session(scene, settings, device=device)
+    for seconds, what in ((session.build_seconds, "preparing the scene"), (session.compile_seconds, "compiling")):
+        if seconds > _SLOW or verbose:
+            reporter.message(f"{what} took {seconds:.1f} s")
+    if verbose:
+        reporter.message(f"{session.width} x {session.height} pixels on {session.device.kind} ({session.device.name})")
+        reporter.message(f"{settings}")
+    return session
+
+
+def _run(session: Session, reporter: Reporter) -> tuple[Progress | None, KeyboardInterrupt | None]:
+    """All passes, or those until the user stops them."""
+    last = None
+    try:
+        for last in session:
+            reporter.update(last)
+    except KeyboardInterrupt as interrupt:
+        return last, interrupt
+    return last, None
+
+
+def _finish(
+    session: Session, last: Progress | None, interrupt: KeyboardInterrupt | None, target: Path, reporter: Reporter
+) -> None:
+    """Write the image and say so; after an interruption end with its exit code."""
+    image = session.image()
+    samples = _samples_in(image, last)
+    if interrupt is not None and not samples:
+        show_error("interrupted before the first sample; nothing was written")
+        raise typer.Exit(exit_code(interrupt))
+    image.save(target, exposure=session.settings.exposure, tonemap=session.settings.tonemap)
+    seconds = float(image.metadata.get("seconds", last.seconds if last else 0.0))
+    paths = samples * session.width * session.height
+    reporter.summary(
+        Summary(
+            event="done" if interrupt is None else "interrupted",
+            samples=samples,
+            total=session.settings.spp,
+            seconds=seconds,
+            mpaths_per_s=paths / seconds / 1e6 if seconds > 0 else 0.0,
+            kind=session.device.kind,
+            device=session.device.name,
+            output=str(target),
+        )
+    )
+    if interrupt is not None:
+        raise typer.Exit(exit_code(interrupt))
+
+
+def _samples_in(image: Image, last: Progress | None) -> float:
+    """Mean samples per pixel; the image knows of a pass that an interruption cut short, the last progress does not."""
+    return float(image.metadata.get("samples", last.samples if last else 0.0))

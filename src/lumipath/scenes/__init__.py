@@ -1,0 +1,50 @@
+"""Built-in scenes by name, made when they are asked for."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from typing import TYPE_CHECKING
+
+from ..errors import SceneError
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+# Name: module and function here, and a line for people. Kept here, so that a listing loads none of them.
+_SCENES = {
+    "cornell-box": ("cornell", "cornell_box", "the Cornell box as measured at Cornell University: two white blocks"),
+    "cornell-box-glass": ("cornell", "cornell_box_glass", "the Cornell box with a mirror and a glass sphere"),
+    "primitives": ("primitives", "primitives", "spheres, ellipsoids, cones, cylinders, boxes and squares"),
+    "glass": ("glass", "glass", "nested glass spheres that absorb light, under a sky"),
+    "depth-of-field": ("lens", "depth_of_field", "a row of spheres through a wide lens"),
+    "textures": ("textures", "textures", "image textures, smooth normals and blended vertex materials"),
+    "bench-cornell": ("bench", "bench_cornell", "benchmark: a Cornell box of 36 triangles"),
+    "bench-blob100k": ("bench", "bench_blob100k", "benchmark: a bumpy sphere in a box, 99,236 triangles"),
+    "bench-blob1m": ("bench", "bench_blob1m", "benchmark: a bumpy sphere in a box, 998,012 triangles"),
+}
+
+DEFAULT = "cornell-box"
+
+
+def names() -> dict[str, str]:
+    """Name and one-line description of every built-in scene."""
+    return {name: description for name, (_, _, description) in _SCENES.items()}
+
+
+def builtin(name: str) -> Scene:
+    """A new copy of the built-in scene of that name.
+
+    Raises:
+        SceneError: no such scene; the message gives near matches.
+    """
+    if name not in _SCENES:
+        near = difflib.get_close_matches(name, _SCENES, 3, cutoff=0.5)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(_SCENES)}"
+        raise SceneError(f"no built-in scene {name!r}; {hint}")
+    module, function, _ = _SCENES[name]
+    scene: Scene = getattr(importlib.import_module(f".{module}", __name__), function)()
+    return scene
+
+
+__all__ = ["DEFAULT", "builtin", "names"]

@@ -1,0 +1,88 @@
+"""A Session without kernels: the same face, passes that take no time, and what tests ask for through FAKE_*."""
+
+import os
+import signal
+import sys
+import time
+import types
+from types import SimpleNamespace
+
+import attrs
+import numpy as np
+
+from lumipath.errors import DeviceError, LumipathWarning
+from lumipath.render.image import Image
+from lumipath.settings import RenderSettings
+
+
+@attrs.frozen
+class Progress:
+    samples: float
+    total: int
+    seconds: float
+    paths: int
+
+    @property
+    def fraction(self):
+        return self.samples / self.total
+
+    @property
+    def remaining_seconds(self):
+        return self.seconds * (1 - self.fraction) / self.fraction if self.fraction else float("inf")
+
+    @property
+    def mpaths_per_s(self):
+        return self.paths / self.seconds / 1e6
+
+
+MADE = []
+
+
+class Session:
+    def __init__(self, scene, settings=None, *, device="auto", **overrides):
+        if device not in ("auto", "cpu"):
+            raise DeviceError(f"unknown device {device!r}: use auto or cpu")
+        self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
+        self.scene = scene
+        self.device = SimpleNamespace(kind="cpu", name="Fake, 1 thread")
+        self.build_seconds, self.compile_seconds = 0.1, float(os.environ.get("FAKE_COMPILE", 0.2))
+        self.width, self.height = self.settings.size(scene.camera(self.settings.camera).aspect)
+        self.samples = 0
+        MADE.append(self)
+
+    def __iter__(self):
+        fault = os.environ.get("FAKE_FAULT")
+        while self.samples < self.settings.spp:
+            self.samples += 1
+            if fault == "error" and self.samples > 1:
+                raise ZeroDivisionError("a bug\nof two lines")
+            if fault == "warning":
+                import warnings
+
+                warnings.warn("something was\nreplaced", LumipathWarning, stacklevel=2)
+            if fault == "hang":
+                print("FAKE: rendering", file=sys.stderr, flush=True)
+                time.sleep(60)
+            if fault == "interrupt-first":
+                self.samples = 0
+                signal.raise_signal(signal.SIGINT)
+            yield Progress(self.samples, self.settings.spp, self.samples * 0.25, self.samples * 1_000_000)
+
+    def image(self):
+        pixels = np.full((self.height, self.width, 3), 0.5, np.float32)
+        return Image(pixels, {"samples": float(self.samples), "seconds": self.samples * 0.25})
+
+
+def as_module():
+    module = types.ModuleType("lumipath.render.session")
+    module.Session, module.Progress = Session, Progress
+    return module
+
+
+if __name__ == "__main__":
+    sys.modules["lumipath.render.session"] = as_module()
+    # A shell that starts tests in the background has them ignore Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    from lumipath.cli import main
+
+    sys.exit(main())

@@ -1,0 +1,226 @@
+import json
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from lumipath.render.image import Image
+from lumipath.settings import RenderSettings
+
+
+def files_in(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+class TestOutput:
+    def test_default_name_is_that_of_the_scene(self, lumipath, fake, tmp_path):
+        code, out, err = lumipath("render", "bench-cornell", "-s", 2, "-w", 8)
+        assert (code, out) == (0, "")
+        assert files_in(tmp_path) == ["bench-cornell.png"]
+        assert err == (
+            "lumipath: 2 spp in 0.50 s, 0.000256 Mpaths/s on cpu (Fake, 1 thread): wrote bench-cornell.png\n"
+        )
+
+    def test_default_scene(self, lumipath, fake, tmp_path):
+        assert lumipath("render", "-w", 8)[0] == 0
+        assert fake[0].scene.name == "cornell-box"
+        assert files_in(tmp_path) == ["cornell-box.png"]
+
+    def test_exposure_and_tonemap_reach_the_file(self, lumipath, fake, tmp_path):
+        lumipath("render", "-w", 4, "-o", "a.png", "--exposure", -1, "--tonemap", "linear")
+        assert (Image.load(tmp_path / "a.png").to_uint8() == 64).all()
+
+    def test_float_formats_are_not_touched_by_them(self, lumipath, fake, tmp_path):
+        lumipath("render", "-w", 4, "-o", "a.npy", "--exposure", -1)
+        assert (np.load(tmp_path / "a.npy") == 0.5).all()
+
+    @pytest.mark.parametrize("target", ["no/a.png", "a.bmp", "."])
+    def test_is_checked_before_anything_is_rendered(self, lumipath, fake, target):
+        code, out, err = lumipath("render", "-o", target)
+        assert (code, out, fake) == (3, "", [])
+        assert err.startswith("lumipath: error: ")
+        assert err.count("\n") == 1
+
+
+class TestSettings:
+    def test_every_flag(self, lumipath, fake):
+        code, _, _ = lumipath(
+            *("render", "cornell-box", "-s", 3, "-r", 5, "--size", "8x6", "--crop", "0,0,4,3", "--camera", 0),
+            *("--sampler", "independent", "--hemisphere", "uniform", "--fresnel", "schlick", "--rr-depth", "off"),
+            *("--seed", 9, "--aperture", 0.1, "--focus", 2, "--exposure", 1.5, "--tonemap", "agx", "--threads", 1),
+            *("--device", "cpu"),
+        )
+        assert code == 0
+        assert fake[0].settings == RenderSettings(
+            spp=3,
+            max_depth=5,
+            width=8,
+            height=6,
+            crop=(0, 0, 4, 3),
+            camera="0",
+            sampler="independent",
+            hemisphere="uniform",
+            fresnel="schlick",
+            rr_depth=None,
+            seed=9,
+            aperture=0.1,
+            focus=2.0,
+            exposure=1.5,
+            tonemap="agx",
+            threads=1,
+        )
+
+    def test_definitions(self, lumipath, fake):
+        lumipath("render", "-D", "spp=3", "-D", "rr-depth=off", "-D", "width=4", "-D", "focus=1.5")
+        assert fake[0].settings == RenderSettings(spp=3, rr_depth=None, width=4, focus=1.5)
+
+    def test_defaults(self, lumipath, fake):
+        lumipath("render")
+        assert fake[0].settings == RenderSettings()
+
+    def test_the_same_value_twice_is_fine(self, lumipath, fake):
+        assert lumipath("render", "-s", 3, "-D", "spp=3", "--size", "8x8", "-w", 8)[0] == 0
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            (("-s", 3, "-D", "spp=4"), "spp is given twice, as --spp 3 and -D spp 4; keep one"),
+            (("-s", 3, "-s", 4), "spp is given twice"),
+            (("-w", 3, "--size", "4x4"), "width is given twice"),
+            (("-s", "many"), "--spp is 'many': it must be a whole number"),
+            (("-s", "0"), "spp is 0: it must be"),
+            (("--aperture", "wide"), "--aperture is 'wide': it must be a number"),
+            (("--crop", "1,2"), "crop is (1, 2): it must be x0,y0,x1,y1"),
+            (("--crop", "a"), "--crop is 'a': it must be whole numbers with commas"),
+            (("--size", "640"), "--size is '640': it must be WIDTHxHEIGHT"),
+            (("--size", "x"), "--size is 'x'"),
+            (("-D", "spq=3"), "no setting 'spq'; did you mean spp?"),
+            (("-D", "zzz=3"), "no setting 'zzz'; there are spp, max_depth,"),
+            (("-D", "spp"), "it must be key=value"),
+            (("--tonemap", "film"), "tonemap is 'film': it must be one of none, linear, agx, aces"),
+            (("--progress", "dots"), "--progress is 'dots': it must be one of auto, bar, json, none"),
+            (("-c", "a.png", "--environment", "b.exr"), "give one of them"),
+            (("--nope",), "No such option: --nope"),
+            (("-s",), "'-s' requires an argument"),
+            (("one", "two"), "unexpected extra argument"),
+        ],
+    )
+    def test_usage_errors_are_one_line(self, lumipath, fake, arguments, message):
+        code, out, err = lumipath("render", *arguments)
+        assert (code, out) == (2, "")
+        assert err.startswith("lumipath: error: ")
+        assert message in err
+        assert err.count("\n") == 1
+
+
+class TestScene:
+    @pytest.mark.parametrize(
+        ("scene", "message"),
+        [("cornel-box", "did you mean cornell-box"), ("missing.ray", "missing.ray"), ("./cornell-box", "cornell-box")],
+    )
+    def test_missing(self, lumipath, fake, scene, message):
+        code, _, err = lumipath("render", scene)
+        assert code == 3
+        assert message in err
+        assert err.count("\n") == 1
+
+    def test_missing_environment(self, lumipath, fake):
+        code, _, err = lumipath("render", "--environment", "missing.exr")
+        assert code == 3
+        assert "missing.exr" in err
+
+    def test_environment_takes_the_place_of_the_scenes(self, lumipath, fake, tmp_path):
+        Image(np.full((2, 4, 3), 0.25)).save(tmp_path / "sky.exr")
+        assert lumipath("render", "glass", "-w", 4, "--environment", "sky.exr")[0] == 0
+        assert (fake[0].scene.environment.image == 0.25).all()
+
+    def test_no_device(self, lumipath, fake):
+        code, _, err = lumipath("render", "--device", "cuda")
+        assert code == 4
+        assert err == "lumipath: error: unknown device 'cuda': use auto or cpu\n"
+
+
+class TestProgress:
+    def test_json_is_one_object_a_line(self, lumipath, fake, monkeypatch):
+        monkeypatch.setenv("FAKE_COMPILE", "3")
+        _, out, err = lumipath("render", "-s", 2, "-w", 4, "--progress", "json")
+        events = [json.loads(line) for line in err.splitlines()]
+        assert [event["event"] for event in events] == ["message", "progress", "progress", "done"]
+        assert out == ""
+        assert events[1]["fraction"] == 0.5
+        assert events[-1]["output"] == "cornell-box.png"
+
+    def test_none_says_only_the_end(self, lumipath, fake):
+        assert lumipath("render", "-s", 2, "-w", 4, "--progress", "none")[2].count("\n") == 1
+
+    def test_quiet_says_nothing(self, lumipath, fake):
+        assert lumipath("render", "-s", 2, "-w", 4, "-q") == (0, "", "")
+
+    def test_verbose_says_more(self, lumipath, fake):
+        err = lumipath("render", "-s", 2, "-w", 4, "-v")[2]
+        assert "compiling took 0.2 s" in err
+        assert "RenderSettings(spp=2" in err
+
+    def test_long_compilation_is_mentioned(self, lumipath, fake, monkeypatch):
+        monkeypatch.setenv("FAKE_COMPILE", "3")
+        assert "lumipath: compiling took 3.0 s\n" in lumipath("render", "-w", 4)[2]
+
+    def test_no_colours_without_a_terminal(self, lumipath, fake):
+        assert "\x1b" not in lumipath("render", "-w", 4, "--progress", "bar")[2]
+
+
+class TestStops:
+    @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+    def test_a_signal_writes_what_there_is(self, start, tmp_path, number, code):
+        process = start("render", "-s", "9", "-w", "4", fault="hang")
+        assert process.stderr.readline() == "FAKE: rendering\n"
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30)
+        assert (process.returncode, out) == (code, "")
+        assert err.startswith("lumipath: interrupted: 1 of 9 spp in ")
+        assert err.endswith("wrote cornell-box.png\n")
+        assert err.count("\n") == 1
+        assert files_in(tmp_path) == ["cornell-box.png"]
+
+    def test_before_the_first_sample_nothing_is_written(self, start, tmp_path):
+        process = start("render", "-w", "4", fault="interrupt-first")
+        _, err = process.communicate(timeout=30)
+        assert process.returncode == 130
+        assert err == "lumipath: error: interrupted before the first sample; nothing was written\n"
+        assert files_in(tmp_path) == []
+
+    def test_a_closed_stderr_does_not_stop_a_render(self, start, tmp_path):
+        process = start("render", "-s", "50", "-w", "4", "--progress", "json")
+        process.stderr.close()
+        assert process.wait(timeout=30) == 0
+        assert files_in(tmp_path) == ["cornell-box.png"]
+
+
+class TestFaults:
+    def test_an_unexpected_error_is_one_line(self, lumipath, fake, monkeypatch):
+        monkeypatch.setenv("FAKE_FAULT", "error")
+        code, out, err = lumipath("render", "-w", 4)
+        assert (code, out) == (1, "")
+        assert err == (
+            "lumipath: error: unexpected ZeroDivisionError: a bug of two lines; run render with -v for the traceback\n"
+        )
+
+    def test_verbose_shows_its_traceback(self, lumipath, fake, monkeypatch):
+        monkeypatch.setenv("FAKE_FAULT", "error")
+        code, _, err = lumipath("render", "-w", 4, "-v")
+        assert code == 1
+        assert "Traceback (most recent call last)" in err
+
+    def test_warnings_are_one_line(self, lumipath, fake, monkeypatch):
+        monkeypatch.setenv("FAKE_FAULT", "warning")
+        code, _, err = lumipath("render", "-s", 1, "-w", 4, "-q")
+        assert (code, err) == (0, "lumipath: warning: something was replaced\n")
+
+
+def test_python_m_lumipath(tmp_path):
+    done = subprocess.run([sys.executable, "-m", "lumipath", "render", "nope.ray"], capture_output=True, text=True)
+    assert done.returncode == 3
+    assert done.stderr.startswith("lumipath: error: ")
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,151 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from lumipath.cli._summary import scene_bounds
+from lumipath.errors import SceneError
+from lumipath.scene import Camera, Cone, Mesh, Scene, Sphere
+from lumipath.scenes import DEFAULT, builtin, names
+
+TRIANGLES = {"cornell-box": 32, "bench-cornell": 36, "bench-blob100k": 99_236, "bench-blob1m": 998_012}
+
+
+def face_normals_and_centres(mesh):
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners.mean(axis=1)
+
+
+def part(scene, name):
+    return next(shape for shape in scene.shapes if shape.name == name)
+
+
+@pytest.mark.parametrize("name", names())
+class TestEveryScene:
+    def test_loads_with_a_camera_and_light(self, name):
+        scene = builtin(name)
+        assert scene.name == name
+        assert len(scene.cameras) == 1
+        assert scene.environment or scene.lights or any(shape.material.is_emissive for shape in scene.shapes)
+
+    def test_lies_within_a_few_metres_and_in_view(self, name):
+        scene = builtin(name)
+        low, high = scene_bounds(scene)
+        assert np.abs([low, high]).max() <= 10
+        camera = scene.camera()
+        centre = (low + high) / 2
+        assert np.dot(centre - camera.position, camera.direction) > 0
+
+    def test_no_face_is_degenerate(self, name):
+        for mesh in builtin(name).shapes:
+            if isinstance(mesh, Mesh):
+                normals, _ = face_normals_and_centres(mesh)
+                assert (np.linalg.norm(normals, axis=1) > 0).all()
+
+    def test_is_new_each_time(self, name):
+        assert builtin(name).shapes[0] is not builtin(name).shapes[0]
+
+
+@pytest.mark.parametrize(("name", "count"), TRIANGLES.items())
+def test_triangle_counts(name, count):
+    assert builtin(name).triangle_count == count
+
+
+def test_descriptions_are_one_line():
+    assert all(text and "\n" not in text for text in names().values())
+    assert DEFAULT in names()
+
+
+def test_unknown_name_suggests_near_ones():
+    with pytest.raises(SceneError, match="did you mean cornell-box"):
+        builtin("cornel-box")
+    with pytest.raises(SceneError, match="there are cornell-box, "):
+        builtin("qqqq")
+
+
+def test_listing_imports_no_numpy():
+    code = "import sys, lumipath.scenes as s; s.names(); sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize("name", ["cornell-box", "cornell-box-glass", "bench-cornell", "bench-blob100k"])
+def test_walls_and_lamp_face_into_the_room(name):
+    scene = builtin(name)
+    low, high = scene_bounds(scene)
+    for wall in ("floor", "ceiling", "back wall", "left wall", "right wall", "lamp"):
+        normals, centres = face_normals_and_centres(part(scene, wall))
+        assert (np.einsum("ij,ij->i", normals, (low + high) / 2 - centres) > 0).all(), wall
+
+
+@pytest.mark.parametrize("name", ["cornell-box", "bench-cornell"])
+@pytest.mark.parametrize("block", ["short block", "tall block"])
+def test_blocks_face_outwards(name, block):
+    mesh = part(builtin(name), block)
+    normals, centres = face_normals_and_centres(mesh)
+    assert (np.einsum("ij,ij->i", normals, centres - mesh.vertices.mean(axis=0)) > 0).all()
+
+
+@pytest.mark.parametrize("name", ["cornell-box", "bench-cornell"])
+def test_only_the_lamp_is_one_sided(name):
+    assert [shape.name for shape in builtin(name).shapes if not shape.two_sided] == ["lamp"]
+
+
+def test_cornell_box_is_in_metres_and_red_is_left():
+    scene = builtin("cornell-box")
+    _, high = scene_bounds(scene)
+    np.testing.assert_allclose(high, (0.556, 0.5488, 0.5592), atol=1e-6)
+    right, _, _ = scene.camera().axes()
+    red = part(scene, "left wall")
+    assert red.material.diffuse[0] > 5 * red.material.diffuse[1]
+    assert np.dot(red.vertices.mean(axis=0) - scene.camera().position, right) < 0
+
+
+def test_benchmark_scenes_keep_their_values():
+    # Published figures depend on them; sums in float64 change with the smallest edit.
+    blob = part(builtin("bench-blob100k"), "blob")
+    assert blob.vertices.shape == (49_928, 3)
+    np.testing.assert_allclose(np.abs(blob.vertices).sum(axis=0, dtype=np.float64), BLOB_SUMS, rtol=1e-6)
+    assert blob.faces[0].tolist() == [0, 316, 1]
+    assert blob.faces[-1].tolist() == [49_296, 49_927, 49_612]
+    tall = part(builtin("bench-cornell"), "tall block")
+    np.testing.assert_allclose(tall.vertices[0], (-0.7102571, -1.0, -0.5779450), atol=1e-6)
+    camera = builtin("bench-cornell").camera()
+    assert (camera.position, camera.direction, camera.fov) == (
+        pytest.approx((0, 0, 3.9)),
+        (0.0, 0.0, -1.0),
+        pytest.approx(39.3077),
+    )
+    assert part(builtin("bench-cornell"), "lamp").material.emission == pytest.approx((18.387, 13.9873, 6.75357))
+
+
+BLOB_SUMS = (12071.191604, 21571.726491, 12071.191604)
+
+
+class TestBounds:
+    def test_sphere_under_a_shear(self):
+        transform = np.eye(4)
+        transform[0, 1] = 2.0
+        transform[:3, 3] = (1, 2, 3)
+        low, high = scene_bounds(Scene(shapes=[Sphere(transform=transform)]))
+        np.testing.assert_allclose(high - (1, 2, 3), (np.sqrt(5), 1, 1))
+        np.testing.assert_allclose(low - (1, 2, 3), (-np.sqrt(5), -1, -1))
+
+    @pytest.mark.parametrize(("bottom", "top"), [(1.0, 0.0), (0.25, 2.0)])
+    def test_cone_contains_its_points_tightly(self, bottom, top):
+        rng = np.random.default_rng(3)
+        transform = np.eye(4)
+        transform[:3] = rng.normal(size=(3, 4))
+        cone = Cone(bottom_radius=bottom, top_radius=top, height=1.5, transform=transform)
+        angle = np.linspace(0, 2 * np.pi, 10_000)
+        rims = [
+            np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)], 1)
+            for r, z in ((bottom, 0), (top, 1.5))
+        ]
+        points = np.concatenate(rims) @ transform[:3, :3].T + transform[:3, 3]
+        low, high = scene_bounds(Scene(shapes=[cone]))
+        np.testing.assert_allclose(low, points.min(axis=0), atol=1e-5)
+        np.testing.assert_allclose(high, points.max(axis=0), atol=1e-5)
+
+    def test_nothing_has_no_bounds(self):
+        assert scene_bounds(Scene(cameras=[Camera()])) is None

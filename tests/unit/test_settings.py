@@ -1,0 +1,78 @@
+import attrs
+import pytest
+
+from lumipath.errors import UsageError
+from lumipath.settings import MAX_SIDE, RenderSettings
+
+
+def test_defaults_are_valid():
+    assert RenderSettings().spp == 64
+
+
+@pytest.mark.parametrize("attribute", attrs.fields(RenderSettings), ids=lambda attribute: attribute.name)
+def test_every_field_says_what_it_means(attribute):
+    assert attribute.metadata["help"].endswith(".")
+    assert set(attribute.metadata) == {"help", "unit", "choices"}
+    if attribute.metadata["choices"]:
+        assert attribute.default in attribute.metadata["choices"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("spp", 0),
+        ("spp", -1),
+        ("spp", 1.5),
+        ("spp", True),
+        ("spp", "4"),
+        ("max_depth", -1),
+        ("width", 0),
+        ("width", MAX_SIDE + 1),
+        ("height", 0),
+        ("crop", (0, 0, 0, 4)),
+        ("crop", (0, 4, 4, 4)),
+        ("crop", (-1, 0, 4, 4)),
+        ("crop", (0, 0, 4)),
+        ("sampler", "halton"),
+        ("hemisphere", ""),
+        ("fresnel", "none"),
+        ("rr_depth", -1),
+        ("seed", -1),
+        ("seed", 1 << 32),
+        ("aperture", -0.1),
+        ("aperture", float("nan")),
+        ("focus", 0.0),
+        ("focus", float("inf")),
+        ("exposure", float("nan")),
+        ("exposure", 100.0),
+        ("tonemap", "film"),
+        ("threads", 0),
+    ],
+)
+def test_wrong_values_name_the_field(name, value):
+    with pytest.raises(UsageError, match=f"^{name} is .*: it must be ") as caught:
+        RenderSettings(**{name: value})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["height", "crop", "camera", "rr_depth", "aperture", "focus", "threads"])
+def test_optional_fields_may_be_none(name):
+    assert getattr(RenderSettings(**{name: None}), name) is None
+
+
+def test_is_immutable():
+    with pytest.raises(attrs.exceptions.FrozenInstanceError):
+        RenderSettings().spp = 3
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "aspect", "size"),
+    [(512, None, 1.0, (512, 512)), (512, None, 1.6, (512, 320)), (640, 480, 1.0, (640, 480)), (1, None, 5.0, (1, 1))],
+)
+def test_size(width, height, aspect, size):
+    assert RenderSettings(width=width, height=height).size(aspect) == size
+
+
+def test_too_many_pixels():
+    with pytest.raises(UsageError, match="choose a smaller size"):
+        RenderSettings(width=MAX_SIDE, height=MAX_SIDE).size(1.0)
