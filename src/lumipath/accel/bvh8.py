@@ -11,6 +11,8 @@ from ..lang import aligned, compiled
 from .build import BinaryTree
 
 WIDTH = 8
+CELLS = 4
+"""Cells along each axis by which rays are sorted."""
 NODE_SIZE = 64
 GROUP_SIZE = 80
 EMPTY = np.int32(-1)
@@ -27,10 +29,13 @@ class BVH8(NamedTuple):
     groups: (G, 80) float32: for the 8 primitives of a leaf the x of the first corner, y, z, x of the second corner, ...,
         z of the third, then 8 primitive numbers as bits: -1 for none, `TWO_SIDED` set where it holds. A quadric has a
         triangle without area, which nothing hits.
+    bounds: (8,) float32: the lower corner of everything and 0, then cells per metre along each axis and 0, where
+        `CELLS` cells span everything.
     """
 
     nodes: NDArray[Any]
     groups: NDArray[Any]
+    bounds: NDArray[Any]
 
 
 @compiled
@@ -169,4 +174,13 @@ def widen(
     nodes = np.empty((size, NODE_SIZE), np.float32)
     groups = np.empty((size, GROUP_SIZE), np.float32)
     node_count, group_count = _widen(*tree, vertices, faces, two_sided, nodes, groups)
-    return BVH8(aligned(nodes[:node_count]), aligned(groups[:group_count]))
+    return BVH8(aligned(nodes[:node_count]), aligned(groups[:group_count]), _sorting_grid(tree))
+
+
+def _sorting_grid(tree: BinaryTree) -> NDArray[np.float32]:
+    """See `BVH8.bounds`."""
+    extent = np.maximum(tree.upper[0].astype(np.float64) - tree.lower[0], 1e-30)
+    grid = np.zeros(8, np.float32)
+    grid[:3] = tree.lower[0]
+    grid[4:7] = np.minimum(CELLS / extent, 1e30)
+    return aligned(grid)

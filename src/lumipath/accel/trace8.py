@@ -20,6 +20,7 @@ from ..lang import (
 from ..lang.lanes import Simd, bits, compress, permute, select, smallest, store_lanes, vmax, vmin
 from ..pack.layout import QUADRICS
 from .bvh8 import GROUP_SIZE, NODE_SIZE, PRIMITIVE_MASK
+from .slabs import WIDER, slab_of
 from .triangles8 import hit_group, shear_of
 
 load8 = Simd(8).load
@@ -28,15 +29,7 @@ index8 = Simd(8).index
 _NODE = i32(NODE_SIZE)
 _GROUP = i32(GROUP_SIZE)
 _PRIMITIVE = i32(PRIMITIVE_MASK)
-# Three roundings, twice over: a box is never missed (Ize 2013, Robust BVH Ray Traversal).
-_WIDER = f32(1.0 + 6 * 2.0**-24)
-_TINY = f32(1e-18)
 
-
-@kernel
-def safe_inverse(x):
-    """1 / x, with a huge number where x is (nearly) 0."""
-    return 1.0 / (x if abs(x) > _TINY else _TINY)
 
 
 @kernel
@@ -90,16 +83,16 @@ def trace_slot(scene, o, d, link, tmax, any_hit):
     """
     accel = scene.accel
     nodes = accel.nodes
-    ix = safe_inverse(d.x)
-    iy = safe_inverse(d.y)
-    iz = safe_inverse(d.z)
-    near_x = i32(0) if ix >= 0.0 else i32(8)
-    near_y = i32(16) if iy >= 0.0 else i32(24)
-    near_z = i32(32) if iz >= 0.0 else i32(40)
+    x = slab_of(o.x, d.x)
+    y = slab_of(o.y, d.y)
+    z = slab_of(o.z, d.z)
+    near_x = i32(0) if x.inverse >= 0.0 else i32(8)
+    near_y = i32(16) if y.inverse >= 0.0 else i32(24)
+    near_z = i32(32) if z.inverse >= 0.0 else i32(40)
     far_x = i32(8) - near_x
     far_y = i32(40) - near_y
     far_z = i32(72) - near_z
-    octant = (4 if ix < 0.0 else 0) + (2 if iy < 0.0 else 0) + (1 if iz < 0.0 else 0)
+    octant = (4 if x.inverse < 0.0 else 0) + (2 if y.inverse < 0.0 else 0) + (1 if z.inverse < 0.0 else 0)
     far_to_near = index8() ^ i32(7 - octant)
     sheared = shear_of(o, d)
     t = tmax
@@ -111,15 +104,21 @@ def trace_slot(scene, o, d, link, tmax, any_hit):
         if link >= 0:
             base = link * _NODE
             near = vmax(
-                vmax((load8(nodes, base + near_x) - o.x) * ix, (load8(nodes, base + near_y) - o.y) * iy),
-                vmax((load8(nodes, base + near_z) - o.z) * iz, 0.0),
+                vmax(
+                    load8(nodes, base + near_x) * x.inverse + x.near,
+                    load8(nodes, base + near_y) * y.inverse + y.near,
+                ),
+                vmax(load8(nodes, base + near_z) * z.inverse + z.near, 0.0),
             )
             far = vmin(
-                vmin((load8(nodes, base + far_x) - o.x) * ix, (load8(nodes, base + far_y) - o.y) * iy),
-                (load8(nodes, base + far_z) - o.z) * iz,
+                vmin(
+                    load8(nodes, base + far_x) * x.inverse + x.far,
+                    load8(nodes, base + far_y) * y.inverse + y.far,
+                ),
+                load8(nodes, base + far_z) * z.inverse + z.far,
             )
             near = permute(near, far_to_near)
-            hit = near <= vmin(permute(far, far_to_near) * _WIDER, t)
+            hit = near <= vmin(permute(far, far_to_near) * WIDER, t)
             store_lanes(distances, depth, compress(near, hit))
             store_lanes(stack, depth, compress(permute(load8(nodes, base + 48), far_to_near), hit))
             found = count_bits(bits(hit))

@@ -11,34 +11,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accel.trace8 import primitive_of, trace_slot
+from ..accel.packets import SORT_KEYS, Order, Rays, trace_rays
+from ..accel.trace8 import primitive_of
 from ..kernels.path import Path, shade, start_path
 from ..kernels.rays import Hit, Ray
-from ..lang import INF, Vec3, aligned_empty, entry, fetch_add, i32, kernel, load, store, u32
+from ..kernels.sampler import Numbers, direction_numbers
+from ..lang import INF, Vec3, aligned_empty, entry, fetch_add, i32, kernel, load, read_clock, store, u32
 
 TILE = i32(16)
 TILE_PIXELS = i32(256)
 BATCH = i32(4096)
 """Paths in flight in each thread; a multiple of TILE_PIXELS."""
 
+STRIDE = i32(4096 + 64)
+"""Length of a batch's arrays: vector code reads and writes a little behind the last path."""
+
 # Slots of `control`.
 NEXT_TILE = i32(0)
 CANCELLED = i32(1)
 REJECTED = i32(2)
 FINISHED_TILES = i32(3)
-
-
-class Rays(NamedTuple):
-    """Rays as arrays of components. t: maximum distance, then that of the hit; slot: what was hit, see `trace_slot`."""
-
-    ox: NDArray[Any]
-    oy: NDArray[Any]
-    oz: NDArray[Any]
-    dx: NDArray[Any]
-    dy: NDArray[Any]
-    dz: NDArray[Any]
-    t: NDArray[Any]
-    slot: NDArray[Any]
 
 
 class Paths(NamedTuple):
@@ -69,11 +61,15 @@ class Batch(NamedTuple):
     shadow_light: Light
     shadow_owner: NDArray[Any]
     gathered: Light
+    samples: NDArray[Any]  # (2, STRIDE) uint32: pixel and sample of each path
+    draws: NDArray[Any]  # (4, STRIDE) float32: random numbers of each path, as in `direction_numbers`
+    order: Order
+    clock: NDArray[Any]  # (5,) int64: cycles spent in generate, extend, shade, connect, develop
 
 
 def new_batch() -> Batch:
     """Scratch memory for one thread."""
-    size = int(BATCH) + 64
+    size = int(STRIDE)
 
     def floats(count: int) -> list[np.ndarray]:
         return [aligned_empty(size, np.float32) for _ in range(count)]
@@ -84,7 +80,18 @@ def new_batch() -> Batch:
     def rays() -> Rays:
         return Rays(*floats(7), *ints(1))
 
-    return Batch(rays(), Paths(*floats(4), *ints(2)), rays(), Light(*floats(3)), *ints(1), Light(*floats(3)))
+    return Batch(
+        rays=rays(),
+        paths=Paths(*floats(4), *ints(2)),
+        shadows=rays(),
+        shadow_light=Light(*floats(3)),
+        shadow_owner=ints(1)[0],
+        gathered=Light(*floats(3)),
+        samples=aligned_empty((2, size), np.uint32),
+        draws=aligned_empty((4, size), np.float32),
+        order=Order(*ints(2), aligned_empty(SORT_KEYS, np.int32)),
+        clock=np.zeros(5, np.int64),
+    )
 
 
 @kernel
@@ -118,13 +125,15 @@ def store_ray(rays, i, ray):
 
 
 @kernel
-def store_path(batch, i, path, owner):
+def store_path(batch, i, path, owner, pixel, sample):
     """A path into the arrays."""
     store_ray(batch.rays, i, path.ray)
     store_vec3(batch.paths.red, batch.paths.green, batch.paths.blue, i, path.throughput)
     store(batch.paths.pdf, i, path.pdf)
     store(batch.paths.medium, i, path.medium)
     store(batch.paths.owner, i, owner)
+    store(batch.samples, i, pixel)
+    store(batch.samples, STRIDE + i, sample)
 
 
 @kernel
@@ -138,17 +147,6 @@ def load_path(batch, i, depth):
 
 
 @kernel
-def trace_rays(scene, rays, n, any_hit):
-    """Trace rays one by one; t and slot receive the nearest hit, or any."""
-    for i in range(n):
-        o = vec3_at(rays.ox, rays.oy, rays.oz, i)
-        d = vec3_at(rays.dx, rays.dy, rays.dz, i)
-        found = trace_slot(scene, o, d, i32(0), load(rays.t, i), any_hit)
-        store(rays.t, i, found.t)
-        store(rays.slot, i, found.primitive)
-
-
-@kernel
 def generate(scene, view, batch, column, row, columns, rows, first, samples):
     """Camera rays for `samples` samples of each pixel of a tile, those of a pixel one after the other."""
     n = i32(0)
@@ -156,34 +154,53 @@ def generate(scene, view, batch, column, row, columns, rows, first, samples):
         for x in range(columns):
             pixel = u32((row + y) * view.width + column + x)
             for s in range(samples):
-                path = start_path(scene, view, i32(column + x), i32(row + y), pixel, u32(first + s))
-                store_path(batch, n, path, n)
+                sample = u32(first + s)
+                path = start_path(scene, view, i32(column + x), i32(row + y), pixel, sample)
+                store_path(batch, n, path, n, pixel, sample)
                 store_vec3(batch.gathered.red, batch.gathered.green, batch.gathered.blue, n, Vec3(0, 0, 0))
                 n += i32(1)
     return n
 
 
 @kernel
-def shade_batch(scene, view, batch, n, depth, column, row, columns, first, samples):
+def draw_numbers(scene, view, batch, n, depth):
+    """The random numbers of all paths, in a loop of its own, which becomes SIMD code."""
+    for i in range(n):
+        pixel = load(batch.samples, i)
+        sample = load(batch.samples, STRIDE + i)
+        numbers = direction_numbers(scene, pixel, sample, view.seed, depth)
+        store(batch.draws, i, numbers.a)
+        store(batch.draws, STRIDE + i, numbers.b)
+        store(batch.draws, 2 * STRIDE + i, numbers.c)
+        store(batch.draws, 3 * STRIDE + i, numbers.d)
+
+
+@kernel
+def shade_batch(scene, view, batch, n, depth):
     """Shade all hits; the paths that go on move to the front. Returns how many, and the number of shadow rays."""
+    draw_numbers(scene, view, batch, n, depth)
+    draws = batch.draws
+    light = batch.shadow_light
     going = i32(0)
     shadows = i32(0)
     for i in range(n):
         path = load_path(batch, i, depth)
         hit = Hit(load(batch.rays.t, i), primitive_of(scene.accel, load(batch.rays.slot, i)))
         owner = load(batch.paths.owner, i)
-        place = owner // samples
-        pixel = u32((row + place // columns) * view.width + column + place % columns)
-        step = shade(scene, view, path, hit, pixel, u32(first + owner % samples))
+        numbers = Numbers(
+            load(draws, i), load(draws, STRIDE + i), load(draws, 2 * STRIDE + i), load(draws, 3 * STRIDE + i)
+        )
+        pixel = load(batch.samples, i)
+        sample = load(batch.samples, STRIDE + i)
+        step = shade(scene, view, path, hit, numbers, pixel, sample)
         add_light(batch.gathered, owner, step.emitted)
-        if step.shadow.tmax > 0.0:
-            store_ray(batch.shadows, shadows, step.shadow)
-            light = batch.shadow_light
-            store_vec3(light.red, light.green, light.blue, shadows, step.direct)
-            store(batch.shadow_owner, shadows, owner)
-            shadows += i32(1)
+        # Written in any case and kept only if there is one: a branch could not be predicted.
+        store_ray(batch.shadows, shadows, step.shadow)
+        store_vec3(light.red, light.green, light.blue, shadows, step.direct)
+        store(batch.shadow_owner, shadows, owner)
+        shadows += i32(1) if step.shadow.tmax > 0.0 else i32(0)
         if step.path.alive:
-            store_path(batch, going, step.path, owner)
+            store_path(batch, going, step.path, owner, pixel, sample)
             going += i32(1)
     return going, shadows
 
@@ -191,7 +208,8 @@ def shade_batch(scene, view, batch, n, depth, column, row, columns, first, sampl
 @kernel
 def connect(scene, batch, shadows):
     """Trace the shadow rays and gather the light of those that nothing stops."""
-    trace_rays(scene, batch.shadows, shadows, True)
+    if shadows > 0:
+        trace_rays(scene, batch.shadows, shadows, batch.order, True, False)
     light = batch.shadow_light
     for i in range(shadows):
         if load(batch.shadows.slot, i) < 0:
@@ -240,16 +258,31 @@ def develop(view, film, batch, column, row, columns, rows, samples):
 
 
 @kernel
+def lap(clock, stage, since):
+    """Add the cycles since `since` to a stage; returns the time now."""
+    now = read_clock()
+    store(clock, stage, load(clock, stage) + now - since)
+    return now
+
+
+@kernel
 def render_tile(scene, view, film, batch, column, row, columns, rows, first, samples):
     """Some samples of each pixel of a tile."""
+    time = read_clock()
     n = generate(scene, view, batch, column, row, columns, rows, first, samples)
+    time = lap(batch.clock, 0, time)
     depth = i32(0)
     while n > 0:
-        trace_rays(scene, batch.rays, n, False)
-        n, shadows = shade_batch(scene, view, batch, n, depth, column, row, columns, first, samples)
+        trace_rays(scene, batch.rays, n, batch.order, False, depth == 0)
+        time = lap(batch.clock, 1, time)
+        n, shadows = shade_batch(scene, view, batch, n, depth)
+        time = lap(batch.clock, 2, time)
         connect(scene, batch, shadows)
+        time = lap(batch.clock, 3, time)
         depth += i32(1)
-    return develop(view, film, batch, column, row, columns, rows, samples)
+    rejected = develop(view, film, batch, column, row, columns, rows, samples)
+    lap(batch.clock, 4, time)
+    return rejected
 
 
 @entry

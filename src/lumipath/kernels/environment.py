@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
-from ..lang import Vec3, as_int, f32, i32, kernel, load, load4, struct
+from ..lang import Vec3, f32, i32, kernel, load4, sqrt, struct
 from ..pack.layout import ENVIRONMENT
+from .alias import pick_alias
 from .functions import acos_turn, atan2_turn, cos_sin_turn, floor_int
 from .vectors import black, dot, xyz
 
@@ -17,26 +16,6 @@ class EnvironmentSample:
     direction: Vec3
     radiance: Vec3
     pdf: f32
-
-
-@struct
-class Pick:
-    """An outcome of an alias table, and what is left of the random number."""
-
-    index: i32
-    rest: f32
-
-
-@kernel
-def pick_alias(table, first, count, u):
-    """Draw from the alias table of `count` rows of two floats that starts at row `first` (Vose 1991)."""
-    x = u * f32(count)
-    i = min(i32(x), i32(count - 1))
-    x = x - f32(i)
-    threshold = load(table, (first + i) * 2)
-    if x < threshold:
-        return Pick(i, min(x / threshold, 0.99999994))
-    return Pick(as_int(load(table, (first + i) * 2 + 1)), min((x - threshold) / (1.0 - threshold), 0.99999994))
 
 
 @kernel

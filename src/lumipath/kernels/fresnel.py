@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
-from ..lang import f32, kernel
+from ..lang import f32, kernel, sqrt
 from ..pack.layout import SCHLICK_FRESNEL
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
-from ..lang import as_float, f32, i32, kernel
+from ..lang import as_float, f32, i32, kernel, sqrt
 
 
 @kernel
@@ -79,8 +77,6 @@ def acos_turn(x):
 @kernel
 def power_heuristic(a, b):
     """Weight of the strategy with density a against one with density b (Veach 1997, section 9.2.4; exponent 2)."""
-    if a == 0.0:
-        return f32(0.0)
-    # The ratio, since the squares overflow for narrow lobes.
+    # By the ratio, since the squares overflow for narrow lobes; a = 0 makes it infinite and the weight 0.
     r = b / a
     return 1.0 / (1.0 + r * r)

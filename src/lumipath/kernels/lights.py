@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
-from ..lang import INF, PI, Vec3, as_int, f32, i32, inverse, kernel, load, load4, struct
+from ..lang import INF, PI, Vec3, as_int, f32, i32, inverse, kernel, load, load4, sqrt, struct
 from ..pack.layout import (
     ANY_LIGHT,
     DIRECTIONAL_LIGHT,
@@ -21,12 +19,17 @@ from ..pack.layout import (
     TEXTURES,
     VERTEX_SIZE,
 )
-from .environment import Pick, sample_environment
+from .alias import Pick, resolve_alias
+from .environment import sample_environment
 from .materials import emission_at
 from .quadrics import area_scale, normal_to_world, object_normal, object_uv, point_to_object, quadric_at, sample_quadric
 from .sampler import choice_numbers
 from .vectors import black, dot, normalize, xyz
 from .warps import uniform_triangle
+
+
+# Light that leaves a surface at a lesser cosine than this is left to the other strategy.
+GRAZING = f32(1e-6)
 
 
 @struct
@@ -66,10 +69,10 @@ def sample_triangle_light(scene, light, o, u, v):
     direction = to_light * inverse(distance)
     cosine = -dot(xyz(normal), direction)
     cosine = abs(cosine) if edge2[3] > 0.0 else cosine
-    if not cosine > 1e-6:
-        return no_light()
     radiance = triangle_radiance(scene, as_int(edge1[3]), as_int(normal[3]), w1, w2)
-    return LightSample(direction, distance, radiance, corner[3] * distance2 / cosine, False)
+    # A choice of values, not of branches: which way it goes cannot be predicted.
+    pdf = corner[3] * distance2 / cosine if cosine > GRAZING else f32(0.0)
+    return LightSample(direction, distance, radiance, pdf, False)
 
 
 @kernel
@@ -117,11 +120,9 @@ def sample_quadric_light(scene, light, o, a, b):
     distance = sqrt(distance2)
     direction = to_light * inverse(distance)
     cosine = abs(dot(normalize(normal_to_world(q, point.n)), direction))
-    if not cosine > 1e-6:
-        return no_light()
     u, v = object_uv(q, point.p, point.n)
     radiance = emission_at(scene, as_int(names[2]), i32(-1), u, v, 0.0, 0.0)
-    pdf = names[3] / area_scale(q, point.n) * distance2 / cosine
+    pdf = names[3] / area_scale(q, point.n) * distance2 / cosine if cosine > GRAZING else f32(0.0)
     return LightSample(direction, distance, radiance, pdf, False)
 
 
@@ -198,11 +199,8 @@ def pick_light(scene, u):
     count = scene.light_count
     x = u * f32(count)
     i = min(i32(x), i32(count - 1))
-    x = x - f32(i)
     row = light_row(scene, i, 0)
-    if x < row[0]:
-        return Pick(i, min(x / row[0], 0.99999994))
-    return Pick(as_int(row[1]), min((x - row[0]) / (1.0 - row[0]), 0.99999994))
+    return resolve_alias(i, as_int(row[1]), row[0], x - f32(i))
 
 
 @kernel

@@ -16,7 +16,7 @@ from .functions import power_heuristic
 from .lights import emitter_pdf, sample_light
 from .materials import emission_at, is_dielectric, lobes_at, transmittance
 from .rays import SHADOW_END, Ray, endless_ray, no_ray, offset_point
-from .sampler import camera_numbers, choice_numbers, dielectric_number, direction_numbers
+from .sampler import camera_numbers, choice_numbers, dielectric_number
 from .surface import surface_at
 from .vectors import (
     black,
@@ -173,14 +173,15 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
     o = offset_point(s.p, n, path.ray.tmax)
     light = sample_light(scene, o, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
     cosine = dot(s.shading, light.direction) * side
-    if not ((light.pdf > 0.0) & (cosine > 0.0) & (dot(n, light.direction) > 0.0) & (probability > 0.0)):
-        return DirectLight(no_ray(), black())
+    reaches = (light.pdf > 0.0) & (cosine > 0.0) & (dot(n, light.direction) > 0.0) & (probability > 0.0)
     competing = lambert_pdf(scene, cosine) * probability
     weight = f32(1.0) if light.delta else power_heuristic(light.pdf, competing)
     radiance = path.throughput * lobes.diffuse * light.radiance * (INV_PI * cosine * weight / light.pdf)
     medium = path.medium if side > 0.0 else i32(-1)
     radiance = radiance * transmittance(scene, medium, light.distance)
-    return DirectLight(Ray(o, light.direction, light.distance * SHADOW_END), radiance)
+    # As values, not as branches: which way it goes cannot be predicted.
+    tmax = light.distance * SHADOW_END if reaches else f32(0.0)
+    return DirectLight(Ray(o, light.direction, tmax), radiance)
 
 
 @kernel
@@ -208,8 +209,18 @@ def medium_beyond(scene, s, inside, medium):
 
 
 @kernel
-def shade(scene, view, path, hit, pixel, sample):
-    """One step of a path whose ray has hit something or nothing."""
+def shade(scene, view, path, hit, numbers, pixel, sample):
+    """One step of a path whose ray has hit something or nothing.
+
+    Args:
+        scene: PackedScene.
+        view: View.
+        path: as `start_path` or the step before made it.
+        hit: what its ray found.
+        numbers: of `direction_numbers` for the path's depth.
+        pixel: number of the pixel in the full image, for further random numbers.
+        sample: number of the sample in the pixel.
+    """
     if hit.primitive < 0:
         return escaped(scene, path)
     ray = path.ray
@@ -233,7 +244,6 @@ def shade(scene, view, path, hit, pixel, sample):
     side = f32(-1.0) if behind else f32(1.0)
 
     # Direct light.
-    numbers = direction_numbers(scene, pixel, sample, view.seed, path.depth)
     choice = lobe_probabilities(scene, lobes)
     here = Path(Ray(ray.o, ray.d, hit.t), throughput, path.pdf, path.depth, medium, True)
     direct = direct_light(scene, view, here, s, side, lobes, choice.diffuse, pixel, sample, numbers)

@@ -5,9 +5,7 @@ Rays go to object space, where their direction keeps its length in world units, 
 
 from __future__ import annotations
 
-from math import sqrt
-
-from ..lang import INF, PI, Vec3, as_int, f32, i32, kernel, load4, struct
+from ..lang import INF, PI, Vec3, as_int, f32, i32, kernel, load4, sqrt, struct
 from ..pack.layout import CAPPED_CONE, QUADRIC_SIZE, SPHERE
 from .functions import acos_turn, atan2_turn
 from .vectors import cross, dot, length, normalize, xyz

@@ -92,8 +92,9 @@ def sobol_pair(reversed_sample, key):
     """Point of a scrambled (0, 2)-sequence; each key has its own order and its own scrambling."""
     # The shuffled number of the point; bit-reversed it is the first dimension, so that reversal cancels below.
     i = reverse_bits(laine_karras(reversed_sample, key))
-    first = reverse_bits(laine_karras(i, hash32(key ^ u32(0xA511E9B3))))
-    second = reverse_bits(laine_karras(sobol_second(i), hash32(key ^ u32(0x63D83595))))
+    scramble = hash32(key ^ u32(0xA511E9B3))
+    first = reverse_bits(laine_karras(i, scramble))
+    second = reverse_bits(laine_karras(sobol_second(i), u32(u32(scramble * u32(0x85EBCA6B)) + u32(1))))
     return Pair(unit_float(first), unit_float(second))
 
 

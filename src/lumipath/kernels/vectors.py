@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
-from ..lang import Vec3, f32, inverse, kernel, struct
+from ..lang import Vec3, f32, inverse, kernel, sqrt, struct
 
 
 @kernel

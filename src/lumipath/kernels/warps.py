@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
-from ..lang import INV_PI, TWO_PI, Vec3, f32, kernel
+from ..lang import INV_PI, TWO_PI, Vec3, f32, kernel, sqrt
 from .functions import cos_sin_turn
 
 

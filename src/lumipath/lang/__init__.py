@@ -15,7 +15,7 @@ from .bits import as_float, as_int, as_uint, count_bits, lowest_bit, reverse_bit
 from .cache import cache_folder
 from .features import Features, features_of
 from .kernel import KernelError, compiled, entry, kernel
-from .maths import approximate_reciprocal, inverse
+from .maths import approximate_reciprocal, inverse, sqrt
 from .memory import (
     aligned,
     aligned_empty,
@@ -25,6 +25,7 @@ from .memory import (
     load4,
     prefetch,
     put,
+    read_clock,
     stack_floats,
     stack_ints,
     store,
@@ -64,7 +65,9 @@ __all__ = [
     "lowest_bit",
     "prefetch",
     "put",
+    "read_clock",
     "reverse_bits",
+    "sqrt",
     "stack_floats",
     "stack_ints",
     "store",

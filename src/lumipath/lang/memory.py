@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -112,6 +113,16 @@ def fetch_add(array: types.Type, i: types.Type, amount: types.Type) -> Any:
     def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
         pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
         return builder.atomic_rmw("add", pointer, context.cast(builder, arguments[2], amount, types.int64), "monotonic")
+
+    return types.int64, emit
+
+
+@intrinsic(time.perf_counter_ns)
+def read_clock() -> Any:
+    """A running count of the processor's cycles, int64."""
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
+        return call_llvm(builder, "llvm.readcyclecounter", LONG, [])
 
     return types.int64, emit
 
