@@ -77,6 +77,9 @@ class CpuDevice:
             item.result()
         return int(control[REJECTED])
 
+    def download(self, film: FilmArrays) -> None:
+        """Nothing: the threads add to the film itself."""
+
 
 def cpu_info() -> DeviceInfo:
     """The CPU as a device."""

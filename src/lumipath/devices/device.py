@@ -37,3 +37,6 @@ class Device(Protocol):
 
         On KeyboardInterrupt the film stays valid.
         """
+
+    def download(self, film: FilmArrays) -> None:
+        """Bring the sums to the film's own arrays, where they are not there already."""

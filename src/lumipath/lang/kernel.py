@@ -42,7 +42,7 @@ def _single_precision_constants(code: CodeType) -> CodeType:
     return code.replace(co_consts=tuple(convert(constant) for constant in code.co_consts))
 
 
-def _single_precision(function: FunctionType) -> FunctionType:
+def single_precision(function: FunctionType) -> FunctionType:
     """`function` with float32 constants; a float64 among the globals that it names is an error."""
     for name in function.__code__.co_names:
         if type(function.__globals__.get(name)) is float:
@@ -67,7 +67,7 @@ def kernel(function: Any = None, *, precise: bool = False, needs: int = 0, other
     """
     if function is None:
         return lambda given: kernel(given, precise=precise, needs=needs, otherwise=otherwise)
-    _single_precision(function)
+    single_precision(function)
     if needs:
         return select_by_features(function, needs, otherwise, _overload_options(precise))
     if DEBUG_PYTHON:
@@ -81,7 +81,7 @@ def _overload_options(precise: bool) -> dict[str, Any]:
 
 def entry(function: FunctionType) -> Callable[..., Any]:
     """A function that worker threads call without holding Python's lock: kept on disk once compiled."""
-    _single_precision(function)
+    single_precision(function)
     if DEBUG_PYTHON:
         return function
     dispatcher = numba.njit(**_KERNEL_OPTIONS, fastmath=set(_FASTMATH), no_cfunc_wrapper=True)(function)
@@ -111,10 +111,10 @@ def compile_for(function: Callable[..., Any], *arguments: Any) -> None:
     try:
         dispatcher.compile(signature)
     except numba_errors.NumbaError as error:
-        raise KernelError(_explain(dispatcher.py_func.__qualname__, str(error))) from error
+        raise KernelError(explain(dispatcher.py_func.__qualname__, str(error))) from error
 
 
-def _explain(name: str, message: str) -> str:
+def explain(name: str, message: str) -> str:
     """One line from Numba's many: the innermost place and the first sentence that says what is wrong."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", message)
     places = re.findall(r'File "([^"]+)", line (\d+)', plain)

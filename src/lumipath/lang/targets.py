@@ -53,4 +53,15 @@ def enable_cpu() -> None:
     _add(Target("cpu", extending, templates, imputils, types))
 
 
+def enable_cuda() -> None:
+    """Register the language with numba-cuda, once; importing it takes a while, so it waits until it is needed."""
+    if any(target.name == "cuda" for target in _targets):
+        return
+    from numba.cuda import extending, types
+    from numba.cuda.core import imputils
+    from numba.cuda.typing import templates
+
+    _add(Target("cuda", extending, templates, imputils, types))
+
+
 enable_cpu()

@@ -95,5 +95,7 @@ def _install_arithmetic(target: Target) -> None:
     def negate(context: Any, builder: ir.IRBuilder, call: Any, arguments: Any) -> ir.Value:
         result = ir.Constant(context.get_value_type(VEC3), ir.Undefined)
         for axis in range(3):
-            result = builder.insert_value(result, builder.fneg(builder.extract_value(arguments[0], axis)), axis)
+            # Not fneg: NVVM's dialect for older GPUs has no such instruction.
+            value = builder.fsub(ir.Constant(FLOAT, -0.0), builder.extract_value(arguments[0], axis))
+            result = builder.insert_value(result, value, axis)
         return result

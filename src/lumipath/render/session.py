@@ -139,6 +139,7 @@ class Session:
 
     def image(self) -> Image:
         """The image of the samples so far."""
+        self.device.download(self.film.arrays)
         metadata = {
             "samples": self.film.samples,
             "seed": self.settings.seed,

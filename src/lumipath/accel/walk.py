@@ -1,0 +1,335 @@
+"""One ray through a GPU tree as single steps, so that a scheduler can choose what a warp does next."""
+
+from __future__ import annotations
+
+from ..kernels.quadrics import quadric_distance
+from ..kernels.rays import Hit, Ray
+from ..lang import INF, Vec3, as_int, f32, get, i32, inverse, kernel, load4, put, struct
+from ..lang.maths import byte0, byte1, byte2, byte3, exact_mul, exact_sub
+from ..pack.layout import CULLING, QUADRICS, WIDE_TREE
+from .slabs import WIDER
+
+DONE = i32(-(2**31))
+_MISS = i32(0x7FFFFFFF)
+_TINY = f32(1e-18)
+
+
+@struct
+class Walk:
+    """A ray on its way. link >= 0: a node; < 0: ~(first * 16 + count) of the triangles to test; DONE: nothing left."""
+
+    ray: Ray
+    inverse: Vec3
+    primitive: i32  # nearest so far, -1 for none
+    link: i32
+    depth: i32  # links on the stack
+
+
+@kernel
+def nonzero(x):
+    """x, or something tiny in place of (nearly) 0."""
+    return x if abs(x) > _TINY else _TINY
+
+
+@kernel
+def start_walk(ray):
+    """A ray at the root."""
+    d = Vec3(inverse(nonzero(ray.d.x)), inverse(nonzero(ray.d.y)), inverse(nonzero(ray.d.z)))
+    return Walk(ray, d, i32(-1), i32(0), i32(0))
+
+
+@kernel
+def go_on(walk, link, depth):
+    """The walk at another link."""
+    return Walk(walk.ray, walk.inverse, walk.primitive, link, depth)
+
+
+@kernel
+def binary_step(scene, walk, stack):
+    """Test the boxes of both children; four 128-bit loads."""
+    nodes = scene.accel.nodes
+    base = walk.link * 16
+    a = load4(nodes, base)
+    b = load4(nodes, base + 4)
+    z = load4(nodes, base + 8)
+    c = load4(nodes, base + 12)
+    o = walk.ray.o
+    d = walk.inverse
+    ax0 = (a[0] - o.x) * d.x
+    ax1 = (a[1] - o.x) * d.x
+    ay0 = (a[2] - o.y) * d.y
+    ay1 = (a[3] - o.y) * d.y
+    az0 = (z[0] - o.z) * d.z
+    az1 = (z[1] - o.z) * d.z
+    bx0 = (b[0] - o.x) * d.x
+    bx1 = (b[1] - o.x) * d.x
+    by0 = (b[2] - o.y) * d.y
+    by1 = (b[3] - o.y) * d.y
+    bz0 = (z[2] - o.z) * d.z
+    bz1 = (z[3] - o.z) * d.z
+    t = walk.ray.tmax
+    a_near = max(max(min(ax0, ax1), min(ay0, ay1)), max(min(az0, az1), 0.0))
+    a_far = min(min(max(ax0, ax1), max(ay0, ay1)), max(az0, az1)) * WIDER
+    b_near = max(max(min(bx0, bx1), min(by0, by1)), max(min(bz0, bz1), 0.0))
+    b_far = min(min(max(bx0, bx1), max(by0, by1)), max(bz0, bz1)) * WIDER
+    left = as_int(c[0])
+    right = as_int(c[1])
+    hit_a = a_near <= min(a_far, t)
+    hit_b = b_near <= min(b_far, t)
+    depth = walk.depth
+    link = DONE
+    if hit_a & hit_b:
+        swapped = b_near < a_near
+        put(stack, depth, left if swapped else right)
+        depth = i32(depth + 1)
+        link = right if swapped else left
+    elif hit_a:
+        link = left
+    elif hit_b:
+        link = right
+    elif depth > 0:
+        depth = i32(depth - 1)
+        link = get(stack, depth)
+    return go_on(walk, link, depth)
+
+
+@kernel
+def slab_key(nx, ny, nz, fx, fy, fz, tmax, child):
+    """Distance to a box as an integer that sorts alike, its lowest two bits the child's number; _MISS if not hit."""
+    near = max(max(nx, ny), max(nz, 0.0))
+    far = min(min(fx, fy), fz) * WIDER
+    return i32((as_int(near) & i32(-4)) | i32(child)) if near <= min(far, tmax) else _MISS
+
+
+@kernel
+def pick(key, c0, c1, c2, c3):
+    """The link that belongs to a key."""
+    a = c1 if (key & 1) != 0 else c0
+    b = c3 if (key & 1) != 0 else c2
+    return b if (key & 2) != 0 else a
+
+
+@kernel(needs=WIDE_TREE, otherwise=binary_step)
+def node_step(scene, walk, stack):
+    """Test the boxes of four children in 8-bit coordinates, go to the nearest and push the others; four loads."""
+    nodes = scene.accel.nodes
+    base = walk.link * 16
+    p = load4(nodes, base)
+    q = load4(nodes, base + 4)
+    r = load4(nodes, base + 8)
+    k = load4(nodes, base + 12)
+    o = walk.ray.o
+    d = walk.inverse
+    # A plane lies at origin + step * byte = origin - step * 32768 + step * 32768 * (1 + byte / 32768).
+    sx = p[3] * d.x * 32768.0
+    sy = q[0] * d.y * 32768.0
+    sz = q[1] * d.z * 32768.0
+    ox = (p[0] - o.x) * d.x - sx
+    oy = (p[1] - o.y) * d.y - sy
+    oz = (p[2] - o.z) * d.z - sz
+    xl = as_int(q[2])
+    xh = as_int(q[3])
+    yl = as_int(r[0])
+    yh = as_int(r[1])
+    zl = as_int(r[2])
+    zh = as_int(r[3])
+    px = d.x >= 0.0
+    py = d.y >= 0.0
+    pz = d.z >= 0.0
+    nx = xl if px else xh
+    fx = xh if px else xl
+    ny = yl if py else yh
+    fy = yh if py else yl
+    nz = zl if pz else zh
+    fz = zh if pz else zl
+    t = walk.ray.tmax
+    k0 = slab_key(
+        byte0(nx) * sx + ox,
+        byte0(ny) * sy + oy,
+        byte0(nz) * sz + oz,
+        byte0(fx) * sx + ox,
+        byte0(fy) * sy + oy,
+        byte0(fz) * sz + oz,
+        t,
+        0,
+    )
+    k1 = slab_key(
+        byte1(nx) * sx + ox,
+        byte1(ny) * sy + oy,
+        byte1(nz) * sz + oz,
+        byte1(fx) * sx + ox,
+        byte1(fy) * sy + oy,
+        byte1(fz) * sz + oz,
+        t,
+        1,
+    )
+    k2 = slab_key(
+        byte2(nx) * sx + ox,
+        byte2(ny) * sy + oy,
+        byte2(nz) * sz + oz,
+        byte2(fx) * sx + ox,
+        byte2(fy) * sy + oy,
+        byte2(fz) * sz + oz,
+        t,
+        2,
+    )
+    k3 = slab_key(
+        byte3(nx) * sx + ox,
+        byte3(ny) * sy + oy,
+        byte3(nz) * sz + oz,
+        byte3(fx) * sx + ox,
+        byte3(fy) * sy + oy,
+        byte3(fz) * sz + oz,
+        t,
+        3,
+    )
+    # Sort four keys with five comparisons.
+    a0 = min(k0, k1)
+    a1 = max(k0, k1)
+    a2 = min(k2, k3)
+    a3 = max(k2, k3)
+    b0 = min(a0, a2)
+    b2 = max(a0, a2)
+    b1 = min(a1, a3)
+    b3 = max(a1, a3)
+    m1 = min(b1, b2)
+    m2 = max(b1, b2)
+    c0 = as_int(k[0])
+    c1 = as_int(k[1])
+    c2 = as_int(k[2])
+    c3 = as_int(k[3])
+    depth = walk.depth
+    link = DONE
+    if b0 != _MISS:
+        if m1 != _MISS:
+            if m2 != _MISS:
+                if b3 != _MISS:
+                    put(stack, depth, pick(b3, c0, c1, c2, c3))
+                    depth = i32(depth + 1)
+                put(stack, depth, pick(m2, c0, c1, c2, c3))
+                depth = i32(depth + 1)
+            put(stack, depth, pick(m1, c0, c1, c2, c3))
+            depth = i32(depth + 1)
+        link = pick(b0, c0, c1, c2, c3)
+    elif depth > 0:
+        depth = i32(depth - 1)
+        link = get(stack, depth)
+    return go_on(walk, link, depth)
+
+
+@struct
+class Along:
+    """A vector with the dominant axis of a ray as z; the other two keep their handedness."""
+
+    x: f32
+    y: f32
+    z: f32
+
+
+@kernel
+def along(v, axis):
+    """A vector in the axes of the ray."""
+    x = v.y if axis == 0 else (v.z if axis == 1 else v.x)
+    y = v.z if axis == 0 else (v.x if axis == 1 else v.y)
+    z = v.x if axis == 0 else (v.y if axis == 1 else v.z)
+    return Along(x, y, z)
+
+
+@kernel
+def edge(ax, ay, bx, by):
+    """Edge function of two sheared corners, never fused, so that the other side of an edge gets exactly its negative."""
+    return exact_sub(exact_mul(ax, by), exact_mul(ay, bx))
+
+
+@kernel
+def any_side(scene, positive, negative, forwards, both):
+    """Triangles are seen from both sides."""
+    return positive | negative
+
+
+@kernel(needs=CULLING, otherwise=any_side)
+def seen(scene, positive, negative, forwards, both):
+    """Triangles are seen from the front, and from behind if they are two-sided."""
+    return (positive | negative) if both else (positive if forwards else negative)
+
+
+@kernel
+def triangle_distance(scene, ray, a, b, c):
+    """Distance to a triangle, infinity if it is missed; watertight (see `triangles8`)."""
+    ax = abs(ray.d.x)
+    ay = abs(ray.d.y)
+    az = abs(ray.d.z)
+    axis = i32(0) if (ax > ay) & (ax > az) else (i32(1) if ay > az else i32(2))
+    d = along(ray.d, axis)
+    sz = inverse(d.z)
+    sx = -d.x * sz
+    sy = -d.y * sz
+    o = ray.o
+    p = along(Vec3(a[0] - o.x, a[1] - o.y, a[2] - o.z), axis)
+    q = along(Vec3(b[0] - o.x, b[1] - o.y, b[2] - o.z), axis)
+    r = along(Vec3(c[0] - o.x, c[1] - o.y, c[2] - o.z), axis)
+    px = p.z * sx + p.x
+    py = p.z * sy + p.y
+    qx = q.z * sx + q.x
+    qy = q.z * sy + q.y
+    rx = r.z * sx + r.x
+    ry = r.z * sy + r.y
+    u = edge(rx, ry, qx, qy)
+    v = edge(px, py, rx, ry)
+    w = edge(qx, qy, px, py)
+    positive = (u >= 0.0) & (v >= 0.0) & (w >= 0.0)
+    negative = (u <= 0.0) & (v <= 0.0) & (w <= 0.0)
+    t = (u * p.z + v * q.z + w * r.z) * sz * inverse(u + v + w)
+    inside = seen(scene, positive, negative, d.z >= 0.0, b[3] > 0.0)
+    return t if inside & (t > 0.0) & (t < ray.tmax) else INF
+
+
+@kernel
+def primitive_distance_triangle(scene, ray, a, b, c):
+    """A scene of triangles only."""
+    return triangle_distance(scene, ray, a, b, c)
+
+
+@kernel(needs=QUADRICS, otherwise=primitive_distance_triangle)
+def primitive_distance(scene, ray, a, b, c):
+    """Distance to a triangle or a quadric."""
+    if b[3] > 1.5:
+        return quadric_distance(scene.quadrics, i32(as_int(a[3]) - scene.triangle_count), ray.o, ray.d, ray.tmax)
+    return triangle_distance(scene, ray, a, b, c)
+
+
+@kernel
+def leaf_step(scene, walk, stack, any_hit):
+    """Test one primitive of a leaf, then stay for the next one, or go on."""
+    code = i32(~walk.link)
+    base = (code >> 4) * 12
+    a = load4(scene.accel.triangles, base)
+    b = load4(scene.accel.triangles, base + 4)
+    c = load4(scene.accel.triangles, base + 8)
+    ray = walk.ray
+    t = primitive_distance(scene, ray, a, b, c)
+    found = t < ray.tmax
+    primitive = as_int(a[3]) if found else walk.primitive
+    ray = Ray(ray.o, ray.d, t if found else ray.tmax)
+    depth = walk.depth
+    link = DONE
+    if not (any_hit & found):
+        if (code & 15) > 1:
+            # The next primitive: first + 1, count - 1.
+            link = i32(walk.link - 15)
+        elif depth > 0:
+            depth = i32(depth - 1)
+            link = get(stack, depth)
+    return Walk(ray, walk.inverse, primitive, link, depth)
+
+
+@kernel
+def walk_to_end(scene, ray, any_hit, stack):
+    """The whole traversal by one thread."""
+    walk = start_walk(ray)
+    while walk.link != DONE:
+        while walk.link >= 0:
+            walk = node_step(scene, walk, stack)
+        while (walk.link < 0) & (walk.link != DONE):
+            walk = leaf_step(scene, walk, stack, any_hit)
+    return Hit(walk.ray.tmax, walk.primitive)

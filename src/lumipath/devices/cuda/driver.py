@@ -1,0 +1,201 @@
+"""The CUDA driver, as far as it is needed: devices, memory, modules, launches. Every failure is a one-line DeviceError."""
+
+from __future__ import annotations
+
+import ctypes
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DeviceError
+
+INSTALL_HINT = "install it with: pip install 'lumipath[cuda]' (drivers before 580: 'lumipath[cuda12]')"
+MINIMUM_CAPABILITY = (7, 5)
+
+
+def _bindings() -> Any:
+    """The driver's Python binding.
+
+    Raises:
+        DeviceError: it is not installed.
+    """
+    try:
+        from cuda.bindings import driver
+    except ImportError:
+        raise DeviceError(f"CUDA support is not installed; {INSTALL_HINT}") from None
+    return driver
+
+
+def is_installed() -> bool:
+    """Whether numba-cuda and the driver's binding are installed."""
+    try:
+        return all(find_spec(name) is not None for name in ("numba_cuda", "cuda.bindings"))
+    except ModuleNotFoundError:
+        return False
+
+
+def require_installed() -> None:
+    """Nothing if CUDA support is installed.
+
+    Raises:
+        DeviceError: it is not; the message says how to install it.
+    """
+    if not is_installed():
+        raise DeviceError(f"CUDA support is not installed; {INSTALL_HINT}")
+
+
+def check(result: Any, doing: str) -> Any:
+    """The value of a driver call.
+
+    Raises:
+        DeviceError: the call failed; the message says what was being done and the driver's reason.
+    """
+    driver = _bindings()
+    error, *values = result
+    if error != driver.CUresult.CUDA_SUCCESS:
+        if error == driver.CUresult.CUDA_ERROR_OUT_OF_MEMORY:
+            raise DeviceError(f"the GPU is out of memory while {doing}; render a smaller image or scene, or use --device cpu")
+        raise DeviceError(f"CUDA failed while {doing}: {str(error).rsplit('.', 1)[-1]}")
+    return values[0] if len(values) == 1 else values
+
+
+def device_count() -> int:
+    """Number of GPUs.
+
+    Raises:
+        DeviceError: no driver, one that is too old, or no GPU; the message says which.
+    """
+    driver = _bindings()
+    try:
+        (error,) = driver.cuInit(0)
+    except RuntimeError:
+        raise DeviceError("no NVIDIA driver found; install one, or use --device cpu") from None
+    if error == driver.CUresult.CUDA_ERROR_NO_DEVICE:
+        raise DeviceError("the NVIDIA driver finds no GPU; use --device cpu")
+    check((error,), "starting the driver")
+    count = int(check(driver.cuDeviceGetCount(), "counting GPUs"))
+    if count == 0:
+        raise DeviceError("the NVIDIA driver finds no GPU; use --device cpu")
+    return count
+
+
+class Gpu:
+    """One GPU and its primary context."""
+
+    def __init__(self, index: int) -> None:
+        driver = _bindings()
+        count = device_count()
+        if not 0 <= index < count:
+            names = ", ".join(f"cuda:{k}" for k in range(count))
+            raise DeviceError(f"there is no GPU cuda:{index}; there is {names}")
+        self.index = index
+        self._driver = driver
+        self._device = check(driver.cuDeviceGet(index), "opening the GPU")
+        self.name = check(driver.cuDeviceGetName(128, self._device), "opening the GPU").split(b"\0")[0].decode()
+        attribute = driver.CUdevice_attribute
+        major, minor, self.multiprocessors = (
+            int(check(driver.cuDeviceGetAttribute(what, self._device), "asking the GPU"))
+            for what in (
+                attribute.CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MAJOR,
+                attribute.CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MINOR,
+                attribute.CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT,
+            )
+        )
+        self.capability = (major, minor)
+        self.memory = int(check(driver.cuDeviceTotalMem(self._device), "asking the GPU"))
+        self._context: Any = None
+
+    def open(self) -> None:
+        """Make this GPU the current one of this thread.
+
+        Raises:
+            DeviceError: it is too old, or busy.
+        """
+        if self.capability < MINIMUM_CAPABILITY:
+            raise DeviceError(
+                f"{self.name} has compute capability {self.capability[0]}.{self.capability[1]}; "
+                f"{MINIMUM_CAPABILITY[0]}.{MINIMUM_CAPABILITY[1]} or newer is needed; use --device cpu"
+            )
+        if self._context is None:
+            self._context = check(self._driver.cuDevicePrimaryCtxRetain(self._device), f"opening {self.name}")
+        check(self._driver.cuCtxSetCurrent(self._context), f"opening {self.name}")
+
+    def synchronize(self) -> None:
+        """Wait until everything that was launched is done."""
+        check(self._driver.cuCtxSynchronize(), "rendering")
+
+    def driver_version(self) -> int:
+        """The newest CUDA version that the driver knows, as 13000 for 13.0."""
+        return int(check(self._driver.cuDriverGetVersion(), "asking the driver"))
+
+
+class DeviceArray:
+    """An array in the GPU's memory, freed with the last reference."""
+
+    def __init__(self, array: NDArray[Any]) -> None:
+        self._driver = _bindings()
+        self.shape, self.dtype = array.shape, array.dtype
+        self.nbytes = array.nbytes
+        doing = f"uploading {self.nbytes / 1e6:.0f} MB"
+        self.pointer = int(check(self._driver.cuMemAlloc(max(self.nbytes, 16)), doing))
+        self.upload(array)
+
+    def upload(self, array: NDArray[Any]) -> None:
+        """Copy from the host."""
+        if self.nbytes:
+            host = np.ascontiguousarray(array)
+            check(self._driver.cuMemcpyHtoD(self.pointer, host.ctypes.data, self.nbytes), "uploading")
+
+    def download(self, array: NDArray[Any]) -> None:
+        """Copy to a contiguous host array of the same size."""
+        if self.nbytes:
+            check(self._driver.cuMemcpyDtoH(array.ctypes.data, self.pointer, self.nbytes), "downloading")
+
+    def __del__(self) -> None:
+        pointer, self.pointer = getattr(self, "pointer", 0), 0
+        if pointer:
+            self._driver.cuMemFree(pointer)
+
+
+class Kernel:
+    """A loaded kernel."""
+
+    def __init__(self, cubin: bytes, name: str) -> None:
+        self._driver = _bindings()
+        self._module = check(self._driver.cuModuleLoadData(cubin), "loading a kernel")
+        self._function = check(self._driver.cuModuleGetFunction(self._module, name.encode()), "loading a kernel")
+
+    def launch(self, blocks: int, threads: int, arguments: list[Any]) -> None:
+        """Start the kernel; `arguments` as ctypes scalars, see `flatten_arguments`."""
+        pointers = (ctypes.c_void_p * len(arguments))(*(ctypes.addressof(value) for value in arguments))
+        result = self._driver.cuLaunchKernel(
+            self._function, blocks, 1, 1, threads, 1, 1, 0, 0, ctypes.addressof(pointers), 0
+        )
+        check(result, "starting a kernel")
+
+    def attribute(self, name: str) -> int:
+        """NUM_REGS, LOCAL_SIZE_BYTES, ..."""
+        which = getattr(self._driver.CUfunction_attribute, f"CU_FUNC_ATTRIBUTE_{name}")
+        return int(check(self._driver.cuFuncGetAttribute(which, self._function), "asking a kernel"))
+
+
+def flatten_arguments(values: Any) -> list[Any]:
+    """Kernel arguments as the compiled code takes them: every array as pointers, sizes and strides; tuples unpacked."""
+    from ...lang import Features
+
+    flat: list[Any] = []
+    for value in values:
+        if isinstance(value, DeviceArray):
+            item = value.dtype.itemsize
+            strides = [item * int(np.prod(value.shape[k + 1 :])) for k in range(len(value.shape))]
+            count = int(np.prod(value.shape))
+            flat += [ctypes.c_int64(n) for n in (0, 0, count, item, value.pointer, *value.shape, *strides)]
+        elif isinstance(value, tuple):
+            flat += flatten_arguments(value)
+        elif isinstance(value, Features):
+            flat.append(ctypes.c_int64(0))
+        else:
+            flat.append(np.ctypeslib.as_ctypes_type(np.asarray(value).dtype)(value.item() if hasattr(value, "item") else value))
+    return flat
