@@ -10,6 +10,7 @@ from llvmlite import ir
 from numba import types
 
 from .intrinsic import FLOAT, INT, LONG, call_llvm, intrinsic
+from .maths import is_gpu
 from .scalars import f32, i32
 
 ALIGNMENT = 64
@@ -150,7 +151,7 @@ def _stack_array(name: str, element: types.Type, llvm: ir.Type, python_type: Any
         def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
             with builder.goto_entry_block():
                 place = builder.alloca(ir.ArrayType(llvm, count.literal_value))
-                place.align = ALIGNMENT
+                place.align = 16 if is_gpu(context) else ALIGNMENT
             return builder.bitcast(place, llvm.as_pointer())
 
         return types.CPointer(element), emit

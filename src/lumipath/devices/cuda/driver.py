@@ -167,11 +167,11 @@ class Kernel:
         self._module = check(self._driver.cuModuleLoadData(cubin), "loading a kernel")
         self._function = check(self._driver.cuModuleGetFunction(self._module, name.encode()), "loading a kernel")
 
-    def launch(self, blocks: int, threads: int, arguments: list[Any]) -> None:
+    def launch(self, blocks: tuple[int, int], threads: int, arguments: list[Any]) -> None:
         """Start the kernel; `arguments` as ctypes scalars, see `flatten_arguments`."""
         pointers = (ctypes.c_void_p * len(arguments))(*(ctypes.addressof(value) for value in arguments))
         result = self._driver.cuLaunchKernel(
-            self._function, blocks, 1, 1, threads, 1, 1, 0, 0, ctypes.addressof(pointers), 0
+            self._function, *blocks, 1, threads, 1, 1, 0, 0, ctypes.addressof(pointers), 0
         )
         check(result, "starting a kernel")
 

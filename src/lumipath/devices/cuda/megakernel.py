@@ -14,6 +14,7 @@ from ...accel.walk import DONE, Walk, leaf_step, node_step, start_walk
 from ...kernels.path import shade, start_path
 from ...kernels.rays import Hit
 from ...kernels.sampler import direction_numbers
+from ...kernels.vectors import black
 from ...lang import INF, Vec3, i32, kernel, load, stack_ints, store, u32
 from ...lang.cuda import cuda_entry
 from ...lang.maths import exact_add, exact_sub
@@ -27,16 +28,21 @@ TILE_WIDTH, TILE_HEIGHT = 16, 8
 
 
 @kernel
-def place_of(thread, width):
-    """Column and row, on the film, of a thread's pixel: warps cover 8 x 4 pixels, blocks 16 x 8."""
-    warp = i32(thread >> 5)
-    lane = i32(thread & 31)
-    block = i32(warp >> 2)
-    quarter = i32(warp & 3)
-    across = i32((width + 15) >> 4)
-    column = i32(((block % across) * 2 + (quarter & 1)) * 8 + (lane & 7))
-    row = i32(((block // across) * 2 + (quarter >> 1)) * 4 + (lane >> 3))
-    return column, row
+def place_of():
+    """Column and row, on the film, of this thread's pixel: a warp covers 8 x 4 pixels, a block 16 x 8."""
+    thread = i32(cuda.threadIdx.x)
+    lane = thread & 31
+    warp = thread >> 5
+    column = i32(cuda.blockIdx.x) * TILE_WIDTH + (warp & 1) * 8 + (lane & 7)
+    row = i32(cuda.blockIdx.y) * TILE_HEIGHT + (warp >> 1) * 4 + (lane >> 3)
+    return i32(column), i32(row)
+
+
+@kernel
+def pixel_of(view):
+    """Column and row, in the full image, of this thread's pixel."""
+    column, row = place_of()
+    return i32(view.left + column), i32(view.top + row)
 
 
 @kernel
@@ -59,29 +65,9 @@ def add_samples(film, place, total):
 
 
 @kernel
-def shade_and_refill(scene, view, walk, path, gathered, column, row, pixel, sample):
-    """Shade what a walk found; a path that ends makes room for the pixel's next sample.
-
-    Returns the walk of the ray to trace next, the path, the light gathered by the sample so far, the sample's number,
-    whether the walk is a shadow ray's, the light that it brings, and whether a sample was finished.
-    """
-    numbers = direction_numbers(scene, pixel, sample, view.seed, path.depth)
-    step = shade(scene, view, path, Hit(walk.ray.tmax, walk.primitive), numbers, pixel, sample)
-    gathered = gathered + step.emitted
-    path = step.path
-    shadow = step.shadow.tmax > 0.0
-    ray = path.ray
-    if shadow:
-        ray = step.shadow
-    return start_walk(ray), path, gathered, shadow, step.direct
-
-
-@kernel
-def finished(total, gathered, rejected):
-    """The sum with one more sample; a sample that is not finite counts as black, and as rejected."""
-    if abs(gathered.x + gathered.y + gathered.z) < INF:
-        return total + gathered, rejected
-    return total, i32(rejected + 1)
+def finite(light):
+    """The light, or none where it is not finite."""
+    return light if abs(light.x + light.y + light.z) < INF else black()
 
 
 @kernel
@@ -90,26 +76,80 @@ def idle(walk):
     return Walk(walk.ray, walk.inverse, walk.primitive, IDLE, walk.depth)
 
 
+@kernel
+def next_path(scene, view, path, sample):
+    """The path itself while it lives, else that of the pixel's next sample."""
+    if path.alive:
+        return path, sample
+    sample = u32(sample + u32(1))
+    x, y = pixel_of(view)
+    return start_path(scene, view, x, y, u32(y * view.width + x), sample), sample
+
+
+@kernel
+def walk_on(path, sample, last):
+    """The walk of a path's ray, idle once all samples are done."""
+    walk = start_walk(path.ray)
+    return idle(walk) if sample >= u32(last) else walk
+
+
+@kernel
+def shade_lane(scene, view, walk, path, total, sample, last):
+    """Shade what a walk found.
+
+    Returns the walk to do next, the path, the sum of the pixel's light, the sample's number, whether the walk is a
+    shadow ray's, and the light that this would bring.
+    """
+    x, y = pixel_of(view)
+    pixel = u32(y * view.width + x)
+    numbers = direction_numbers(scene, pixel, sample, view.seed, path.depth)
+    step = shade(scene, view, path, Hit(walk.ray.tmax, walk.primitive), numbers, pixel, sample)
+    total = total + finite(step.emitted)
+    shadow = step.shadow.tmax > 0.0
+    path = step.path
+    if shadow:
+        return start_walk(step.shadow), path, total, sample, True, step.direct
+    path, sample = next_path(scene, view, path, sample)
+    return walk_on(path, sample, last), path, total, sample, False, step.direct
+
+
+@kernel
+def end_shadow(scene, view, walk, path, total, sample, last, direct):
+    """A shadow ray has ended: gather its light if it hit nothing, and go on with the path or the next sample."""
+    if walk.primitive < 0:
+        total = total + finite(direct)
+    path, sample = next_path(scene, view, path, sample)
+    return walk_on(path, sample, last), path, total, sample
+
+
+@kernel
+def first_walk(view, path):
+    """The walk of a camera ray; idle outside of the film."""
+    column, row = place_of()
+    walk = start_walk(path.ray)
+    return walk if (column < view.film_width) & (row < view.film_height) else idle(walk)
+
+
+@kernel
+def store_pixel(view, film, total):
+    """Add a thread's sum to its pixel."""
+    column, row = place_of()
+    if (column < view.film_width) & (row < view.film_height):
+        add_samples(film, i32(row * view.film_width + column), total)
+
+
 def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> Any:
     """The voting kernel: shade once `shade_at` lanes wait for it, test a triangle once `leaf_at` do, else boxes."""
 
-    def vote(scene, view, film, counters, first, last):
-        column, row = place_of(cuda.grid(1), view.film_width)
-        inside = (column < view.film_width) & (row < view.film_height)
-        x = i32(view.left + column)
-        y = i32(view.top + row)
-        pixel = u32(y * view.width + x)
+    def vote(scene, view, film, first, last):
+        x, y = pixel_of(view)
         sample = u32(first)
-        path = start_path(scene, view, x, y, pixel, sample)
+        path = start_path(scene, view, x, y, u32(y * view.width + x), sample)
         total = Vec3(0, 0, 0)
-        gathered = Vec3(0, 0, 0)
         direct = Vec3(0, 0, 0)
-        rejected = i32(0)
         shadow = False
         stack = stack_ints(stack_size)
-        walk = start_walk(path.ray)
-        if not inside:
-            walk = idle(walk)
+        walk = first_walk(view, path)
         while True:
             at_node = walk.link >= 0
             at_leaf = (walk.link < 0) & (walk.link > IDLE)
@@ -121,17 +161,9 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
                 break
             if ends >= shade_at or nodes + leaves == 0:
                 if at_end:
-                    walk, path, gathered, shadow, direct = shade_and_refill(
-                        scene, view, walk, path, gathered, x, y, pixel, sample
+                    walk, path, total, sample, shadow, direct = shade_lane(
+                        scene, view, walk, path, total, sample, last
                     )
-                    if not path.alive and not shadow:
-                        total, rejected = finished(total, gathered, rejected)
-                        gathered = Vec3(0, 0, 0)
-                        sample = u32(sample + u32(1))
-                        path = start_path(scene, view, x, y, pixel, sample)
-                        walk = start_walk(path.ray)
-                        if sample >= u32(last):
-                            walk = idle(walk)
             else:
                 if leaves >= leaf_at or nodes < leaves:
                     if at_leaf:
@@ -141,23 +173,10 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
                         if walk.link >= 0:
                             walk = node_step(scene, walk, stack)
                 if shadow and walk.link == DONE:
-                    # The shadow ray has ended: gather its light, then go on with the path or the next sample.
-                    if walk.primitive < 0:
-                        gathered = gathered + direct
+                    walk, path, total, sample = end_shadow(scene, view, walk, path, total, sample, last, direct)
                     shadow = False
-                    if not path.alive:
-                        total, rejected = finished(total, gathered, rejected)
-                        gathered = Vec3(0, 0, 0)
-                        sample = u32(sample + u32(1))
-                        path = start_path(scene, view, x, y, pixel, sample)
-                    walk = start_walk(path.ray)
-                    if sample >= u32(last):
-                        walk = idle(walk)
             cuda.syncwarp()
-        if inside:
-            add_samples(film, i32(row * view.film_width + column), total)
-            if rejected > 0:
-                cuda.atomic.add(counters, 0, rejected)
+        store_pixel(view, film, total)
 
     return cuda_entry(vote)
 
@@ -165,64 +184,35 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
 def make_refill(stack_size: int, threshold: int) -> Any:
     """The refilling kernel: shade when fewer than `threshold` lanes still walk."""
 
-    def refill(scene, view, film, counters, first, last):
-        column, row = place_of(cuda.grid(1), view.film_width)
-        inside = (column < view.film_width) & (row < view.film_height)
-        x = i32(view.left + column)
-        y = i32(view.top + row)
-        pixel = u32(y * view.width + x)
+    def refill(scene, view, film, first, last):
+        x, y = pixel_of(view)
         sample = u32(first)
-        path = start_path(scene, view, x, y, pixel, sample)
+        path = start_path(scene, view, x, y, u32(y * view.width + x), sample)
         total = Vec3(0, 0, 0)
-        gathered = Vec3(0, 0, 0)
         direct = Vec3(0, 0, 0)
-        rejected = i32(0)
         shadow = False
         stack = stack_ints(stack_size)
-        walk = start_walk(path.ray)
-        if not inside:
-            walk = idle(walk)
+        walk = first_walk(view, path)
         while True:
-            walking = walk.link > IDLE
+            walkers = cuda.popc(cuda.ballot_sync(_ALL, walk.link > IDLE))
             waiting = walk.link == DONE
-            walkers = cuda.popc(cuda.ballot_sync(_ALL, walking))
-            waiters = cuda.ballot_sync(_ALL, waiting)
-            if walkers == 0 and waiters == 0:
+            waiters = cuda.popc(cuda.ballot_sync(_ALL, waiting))
+            if walkers + waiters == 0:
                 break
             if waiters != 0 and walkers < threshold:
                 if waiting:
-                    walk, path, gathered, shadow, direct = shade_and_refill(
-                        scene, view, walk, path, gathered, x, y, pixel, sample
+                    walk, path, total, sample, shadow, direct = shade_lane(
+                        scene, view, walk, path, total, sample, last
                     )
-                    if not path.alive and not shadow:
-                        total, rejected = finished(total, gathered, rejected)
-                        gathered = Vec3(0, 0, 0)
-                        sample = u32(sample + u32(1))
-                        path = start_path(scene, view, x, y, pixel, sample)
-                        walk = start_walk(path.ray)
-                        if sample >= u32(last):
-                            walk = idle(walk)
-            elif walking:
+            elif walk.link > IDLE:
                 while walk.link >= 0:
                     walk = node_step(scene, walk, stack)
                 while (walk.link < 0) & (walk.link > IDLE):
                     walk = leaf_step(scene, walk, stack, shadow)
                 if shadow and walk.link == DONE:
-                    if walk.primitive < 0:
-                        gathered = gathered + direct
+                    walk, path, total, sample = end_shadow(scene, view, walk, path, total, sample, last, direct)
                     shadow = False
-                    if not path.alive:
-                        total, rejected = finished(total, gathered, rejected)
-                        gathered = Vec3(0, 0, 0)
-                        sample = u32(sample + u32(1))
-                        path = start_path(scene, view, x, y, pixel, sample)
-                    walk = start_walk(path.ray)
-                    if sample >= u32(last):
-                        walk = idle(walk)
             cuda.syncwarp()
-        if inside:
-            add_samples(film, i32(row * view.film_width + column), total)
-            if rejected > 0:
-                cuda.atomic.add(counters, 0, rejected)
+        store_pixel(view, film, total)
 
     return cuda_entry(refill)
