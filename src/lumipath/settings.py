@@ -17,6 +17,7 @@ SAMPLERS = ("sobol", "independent")
 HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
 TONEMAPS = ("none", "linear", "agx", "aces")
+KERNELS = ("auto", "megakernel", "wavefront")
 PROGRESS_MODES = ("auto", "bar", "json", "none")
 
 MAX_PIXELS = 1 << 28
@@ -108,6 +109,9 @@ class RenderSettings:
     )
     threads: int | None = _option(
         None, "CPU threads; every core that the process may use by default.", _optional(_integer(1, 4096))
+    )
+    kernel: str = _option(
+        "auto", "How a GPU is driven: whole paths in one kernel, or one kernel a stage.", _choice(KERNELS), choices=KERNELS
     )
 
     def size(self, aspect: float) -> tuple[int, int]:

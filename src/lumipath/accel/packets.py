@@ -133,8 +133,9 @@ def sort_rays(accel, rays, n, order, coherent):
 
 @kernel
 def lane_inverse(d):
-    """1 / d, with a huge number where d is (nearly) 0."""
-    return 1.0 / select((d > _TINY) | (d < -_TINY), d, _TINY)
+    """1 / d, with a huge number of the same sign where d is (nearly) 0."""
+    tiny = select(d < 0.0, splat(-_TINY), splat(_TINY))
+    return 1.0 / select((d > _TINY) | (d < -_TINY), d, tiny)
 
 
 @kernel

@@ -62,20 +62,21 @@ def measure(
     """
     from ..render.session import Session
 
-    warm_up = Session(scene, attrs.evolve(settings, spp=1), device=device)
-    _render_all(warm_up)
+    session = Session(scene, attrs.evolve(settings, spp=1), device=device)
+    _render_all(session)
+    session.settings = settings
     speeds, means = [], []
-    for seed in range(repeat):
-        session = Session(scene, attrs.evolve(settings, seed=settings.seed + seed), device=device)
+    for seed in range(settings.seed, settings.seed + repeat):
+        session.restart(seed)
         seconds = _render_all(session)
         speeds.append(session.width * session.height * settings.spp / seconds / 1e6)
         means.append(session.image().pixels.mean(axis=(0, 1), dtype="float64"))
     return Throughput(
         mpaths_per_s=speeds,
         mean_rgb=(sum(means) / repeat).tolist(),
-        device=warm_up.device.name,
-        build_s=warm_up.build_seconds,
-        compile_s=warm_up.compile_seconds,
+        device=session.device.name,
+        build_s=session.build_seconds,
+        compile_s=session.compile_seconds,
     )
 
 

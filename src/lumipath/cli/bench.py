@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from ..bench.throughput import BENCH_SETTINGS, measure
+from ._device import DeviceOption, GpuFlag, device_from
 from ._scene import SceneArgument, open_scene
 from ._settings import from_flags, from_size, settings_from, with_setting_flags
 from ._terminal import show, show_json
@@ -24,14 +25,15 @@ def bench() -> None:
 def throughput(
     scene: SceneArgument,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Image width and height. [pixels]")] = None,
-    device: Annotated[str, typer.Option(metavar="auto|cpu", help="Where to render.")] = "auto",
+    device: DeviceOption = "auto",
+    gpu: GpuFlag = False,
     repeat: Annotated[int, typer.Option(metavar="N", min=1, help="Measurements, each with another seed.")] = 3,
     as_json: Annotated[bool, typer.Option("--json", help="As one JSON object.")] = False,
     **flags: Any,
 ) -> None:
     """Paths per second, without Russian roulette, after a warm-up of one sample per pixel."""
     settings = settings_from([*from_flags(flags), *from_size(size)], BENCH_SETTINGS)
-    result = measure(open_scene(scene), settings, device=device, repeat=repeat)
+    result = measure(open_scene(scene), settings, device=device_from(device, gpu), repeat=repeat)
     if as_json:
         show_json(result.as_dict())
         return

@@ -14,6 +14,7 @@ import typer
 from ..errors import UsageError
 from ..settings import PROGRESS_MODES, RenderSettings
 from ._progress import Reporter, Summary, make_reporter
+from ._device import DeviceOption, GpuFlag, device_from
 from ._scene import DEFAULT_SCENE, SceneArgument, open_scene, scene_stem
 from ._settings import from_definitions, from_flags, from_size, settings_from, with_setting_flags
 from ._signals import exit_code
@@ -37,7 +38,8 @@ def render(
         ),
     ] = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Image width and height. [pixels]")] = None,
-    device: Annotated[str, typer.Option(metavar="auto|cpu", help="Where to render.")] = "auto",
+    device: DeviceOption = "auto",
+    gpu: GpuFlag = False,
     cubemap: Annotated[
         Path | None,
         typer.Option("--cubemap", "-c", metavar="FILE", help="Environment: one of six cube faces in a folder."),
@@ -68,7 +70,7 @@ def render(
     check_writable(target)
     with make_reporter(progress, quiet) as reporter:
         loaded = _with_environment(open_scene(scene), cubemap, environment)
-        session = _prepare(loaded, settings, device, reporter, verbose)
+        session = _prepare(loaded, settings, device_from(device, gpu), reporter, verbose)
         last, interrupt = _run(session, reporter)
         reporter.close()
         _finish(session, last, interrupt, target, reporter)

@@ -26,12 +26,13 @@ def list_devices() -> list[DeviceInfo]:
     return infos
 
 
-def open_device(name: str = "auto", threads: int | None = None) -> Device:
+def open_device(name: str = "auto", threads: int | None = None, kernel: str = "auto") -> Device:
     """The device of that name.
 
     Args:
         name: `cpu`, `cuda` (the first GPU), `cuda:1`, or `auto`: a GPU where one can be used, else the CPU.
         threads: of the CPU; all cores where None.
+        kernel: of a GPU: `auto`, `megakernel` or `wavefront`.
 
     Raises:
         UsageError: no such name.
@@ -42,7 +43,7 @@ def open_device(name: str = "auto", threads: int | None = None) -> Device:
         raise UsageError(f"device is {name!r}: it must be {CHOICES}")
     if name != "cpu":
         try:
-            return _open_gpu(int(match.group(1) or 0))
+            return _open_gpu(int(match.group(1) or 0), kernel)
         except DeviceError:
             if name != "auto":
                 raise
@@ -51,10 +52,10 @@ def open_device(name: str = "auto", threads: int | None = None) -> Device:
     return CpuDevice(threads)
 
 
-def _open_gpu(index: int) -> Device:
+def _open_gpu(index: int, kernel: str) -> Device:
     from .cuda.driver import require_installed
 
     require_installed()
     from .cuda.device import CudaDevice
 
-    return CudaDevice(index)
+    return CudaDevice(index, kernel)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import platform
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from collections.abc import Iterator
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from functools import cache
 from pathlib import Path
 
@@ -13,10 +14,13 @@ import numpy as np
 from ..accel.build import build_tree
 from ..accel.bvh8 import WIDTH, widen
 from ..lang.kernel import compile_for
+from ..lang.scalars import quiet_arithmetic
 from ..pack.layout import FilmArrays, PackedScene, View
 from ..pack.scene import Packed
-from .cpu_batch import CANCELLED, REJECTED, new_batch, render_tiles
+from .cpu_batch import BATCH, CANCELLED, REJECTED, TILE_PIXELS, new_batch, render_tiles
 from .device import DeviceInfo
+
+_LOOK_SECONDS = 0.25
 
 
 def usable_cores() -> int:
@@ -47,7 +51,7 @@ class CpuDevice:
         self.threads = threads or usable_cores()
         self.name = f"{processor_name()}, {self.threads} thread{'s' if self.threads > 1 else ''}"
         self._batches = [new_batch() for _ in range(self.threads)]
-        self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="lumipath")
+        self._pool = ThreadPoolExecutor(self.threads, "lumipath", initializer=quiet_arithmetic)
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the 8-wide tree; the arrays stay where they are."""
@@ -61,24 +65,38 @@ class CpuDevice:
         """Compile the renderer for this scene's features, or load it from the disk."""
         compile_for(render_tiles, scene, view, film, self._batches[0], np.zeros(4, np.int64), 0)
 
-    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> int:
-        """Bring every pixel of the film up to `last` samples; returns how many were not finite."""
+    def next_stop(self, done: int, pixels: int) -> int:
+        """One sample for a first look, four, then whole batches; never by the clock.
+
+        Which rays are traced together decides about the last bits of an image, and must not depend on the machine.
+        """
+        whole = int(BATCH // TILE_PIXELS)
+        return next((stop for stop in (1, 4) if done < stop), (done // whole + 1) * whole)
+
+    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Iterator[int]:
+        """Bring every pixel of the film up to `last` samples; see `Device.render`."""
         control = np.zeros(4, np.int64)
-        work = [
-            self._pool.submit(render_tiles, scene, view, film, batch, control, last) for batch in self._batches
-        ]
+        work: list[Future[None]] = []
+        reported = 0
         try:
-            wait(work, return_when=FIRST_EXCEPTION)
+            for batch in self._batches:
+                work.append(self._pool.submit(render_tiles, scene, view, film, batch, control, last))
+            while wait(work, _LOOK_SECONDS, FIRST_EXCEPTION).not_done:
+                yield int(control[REJECTED]) - reported
+                reported = int(control[REJECTED])
         finally:
             # Tiles that are under way are finished, so that every pixel's count is true.
             control[CANCELLED] = 1
             wait(work)
         for item in work:
             item.result()
-        return int(control[REJECTED])
+        yield int(control[REJECTED]) - reported
 
     def download(self, film: FilmArrays) -> None:
         """Nothing: the threads add to the film itself."""
+
+    def clear(self) -> None:
+        """Nothing: there are no other sums."""
 
 
 def cpu_info() -> DeviceInfo:

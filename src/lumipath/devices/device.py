@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Protocol
 
 from attrs import field, frozen
@@ -32,11 +33,18 @@ class Device(Protocol):
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
         """Compile the kernels for this scene's features, or load them from the disk."""
 
-    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> int:
-        """Bring every pixel of the film up to `last` samples; returns how many were not finite.
+    def next_stop(self, done: int, pixels: int) -> int:
+        """Up to how many samples per pixel the next pass should go after `done` of them."""
 
-        On KeyboardInterrupt the film stays valid.
+    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Iterator[int]:
+        """Bring every pixel of the film up to `last` samples.
+
+        Yields several times a second the number of samples that were not finite since the last time. Closing the
+        iterator, or an exception in it, stops the work and leaves the film valid: every pixel with its count.
         """
 
     def download(self, film: FilmArrays) -> None:
         """Bring the sums to the film's own arrays, where they are not there already."""
+
+    def clear(self) -> None:
+        """Forget sums that are not in the film's own arrays."""

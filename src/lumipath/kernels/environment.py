@@ -72,8 +72,9 @@ def no_environment(scene, direction):
 def environment_from(scene, direction):
     """Radiance from a world direction, and the density with which `sample_environment` draws it."""
     u, v = environment_coordinates(scene, direction)
-    y = dot(xyz(load4(scene.environment_frame, 4)), direction)
-    sine = sqrt(max(0.0, 1.0 - y * y))
+    x = dot(xyz(load4(scene.environment_frame, 0)), direction)
+    z = dot(xyz(load4(scene.environment_frame, 8)), direction)
+    sine = sqrt(x * x + z * z)
     return EnvironmentSample(direction, environment_at(scene, u, v), environment_density(scene, u, v, sine))
 
 

@@ -11,6 +11,7 @@ from ..pack.layout import (
     ENVIRONMENT_LIGHT,
     LIGHT_SIZE,
     MANY_LIGHTS,
+    OPEN_CONE,
     POINT_LIGHT,
     POINT_LIGHTS,
     QUADRIC_LIGHT,
@@ -22,9 +23,19 @@ from ..pack.layout import (
 from .alias import Pick, resolve_alias
 from .environment import sample_environment
 from .materials import emission_at
-from .quadrics import area_scale, normal_to_world, object_normal, object_uv, point_to_object, quadric_at, sample_quadric
+from .quadrics import (
+    area_scale,
+    is_inside,
+    normal_to_world,
+    object_normal,
+    object_uv,
+    point_to_object,
+    quadric_at,
+    sample_quadric,
+)
+from .rays import TARGET_OFFSET
 from .sampler import choice_numbers
-from .vectors import black, dot, normalize, xyz
+from .vectors import black, dot, max_abs_component, normalize, xyz
 from .warps import uniform_triangle
 
 
@@ -56,6 +67,13 @@ def light_row(scene, light, part):
 
 
 @kernel
+def in_front(p, n, reach, o):
+    """A point of a light moved towards the side that o is on, so that a shadow ray to it does not hit the light itself."""
+    moved = (max_abs_component(p) + reach) * TARGET_OFFSET
+    return p + n * (moved if dot(n, o - p) >= 0.0 else -moved)
+
+
+@kernel
 def sample_triangle_light(scene, light, o, u, v):
     """A point with uniform density on an emissive triangle."""
     corner = light_row(scene, light, 4)
@@ -63,7 +81,9 @@ def sample_triangle_light(scene, light, o, u, v):
     edge2 = light_row(scene, light, 12)
     normal = light_row(scene, light, 16)
     w1, w2 = uniform_triangle(u, v)
-    to_light = xyz(corner) + xyz(edge1) * w1 + xyz(edge2) * w2 - o
+    p = xyz(corner) + xyz(edge1) * w1 + xyz(edge2) * w2
+    reach = max_abs_component(xyz(corner)) + max_abs_component(xyz(edge1)) + max_abs_component(xyz(edge2))
+    to_light = in_front(p, xyz(normal), reach, o) - o
     distance2 = dot(to_light, to_light)
     distance = sqrt(distance2)
     direction = to_light * inverse(distance)
@@ -115,14 +135,19 @@ def sample_quadric_light(scene, light, o, a, b):
         dot(xyz(y), point.p) + y[3],
         dot(xyz(z), point.p) + z[3],
     )
-    to_light = p - o
+    normal = normalize(normal_to_world(q, point.n))
+    reach = max_abs_component(xyz(x)) + max_abs_component(xyz(y)) + max_abs_component(xyz(z)) + max_abs_component(p)
+    to_light = in_front(p, normal, reach, o) - o
     distance2 = dot(to_light, to_light)
     distance = sqrt(distance2)
     direction = to_light * inverse(distance)
-    cosine = abs(dot(normalize(normal_to_world(q, point.n)), direction))
+    facing = -dot(normal, direction)
+    cosine = abs(facing)
+    # The far side of a closed shape is seen from inside only.
+    seen = (facing > 0.0) | (q.kind == OPEN_CONE) | is_inside(q, point_to_object(q, o))
     u, v = object_uv(q, point.p, point.n)
     radiance = emission_at(scene, as_int(names[2]), i32(-1), u, v, 0.0, 0.0)
-    pdf = names[3] / area_scale(q, point.n) * distance2 / cosine if cosine > GRAZING else f32(0.0)
+    pdf = names[3] / area_scale(q, point.n) * distance2 / cosine if (cosine > GRAZING) & seen else f32(0.0)
     return LightSample(direction, distance, radiance, pdf, False)
 
 

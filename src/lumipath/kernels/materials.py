@@ -127,11 +127,10 @@ def clear(scene, medium, t):
 @kernel(needs=DIELECTRICS, otherwise=clear)
 def transmittance(scene, medium, t):
     """Fraction of light left after the distance t inside of material `medium`, -1 outside (Beer's law)."""
-    if medium < 0:
+    # What comes from infinitely far away comes from outside.
+    if (medium < 0) | (t > 1e18):
         return white()
     k = xyz(load4(scene.materials, medium * MATERIAL_SIZE + EXTINCTION))
-    # An endless stretch through a clear medium is clear: 0 times infinity would not be.
-    t = min(t, 1e18)
     return Vec3(exp_minus(k.x * t), exp_minus(k.y * t), exp_minus(k.z * t))
 
 

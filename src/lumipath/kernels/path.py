@@ -67,6 +67,7 @@ class LobeChoice:
 
     diffuse: f32
     mirror: f32
+    dielectric: f32
 
 
 @kernel
@@ -100,7 +101,7 @@ def escaped(scene, path):
 @kernel
 def only_diffuse(scene, lobes):
     """A surface with a Lambert lobe only."""
-    return LobeChoice(1.0, 0.0)
+    return LobeChoice(1.0, 0.0, 0.0)
 
 
 @kernel(needs=MIRRORS | DIELECTRICS, otherwise=only_diffuse)
@@ -109,7 +110,7 @@ def lobe_probabilities(scene, lobes):
     diffuse = mean_component(lobes.diffuse)
     mirror = mean_component(lobes.mirror)
     scale = 1.0 / (diffuse + mirror + lobes.transmission)
-    return LobeChoice(diffuse * scale, mirror * scale)
+    return LobeChoice(diffuse * scale, mirror * scale, lobes.transmission * scale)
 
 
 @kernel
@@ -126,30 +127,29 @@ def bounce_only_diffuse(scene, view, s, lobes, choice, frame, wo, side, pixel, s
     return bounce_diffuse(scene, lobes, choice.diffuse, frame, side, u, v)
 
 
-@kernel
-def bounce_opaque(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, depth, u, v):
-    """Lambert or mirror."""
-    if choice_numbers(scene, pixel, sample, view.seed, depth).b < choice.diffuse:
-        return bounce_diffuse(scene, lobes, choice.diffuse, frame, side, u, v)
-    return Bounce(to_world(frame, mirror_direction(wo)), lobes.mirror / choice.mirror, 0.0)
+# The probabilities add up to a little less or more than 1. What rounding leaves over goes to the Lambert lobe: a mirror
+# or glass that is not there would be divided by almost 0.
 
 
 @kernel(needs=MIRRORS, otherwise=bounce_only_diffuse)
 def bounce_without_dielectric(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, depth, u, v):
     """Lambert, and a mirror where the scene has any."""
-    return bounce_opaque(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, depth, u, v)
+    if choice_numbers(scene, pixel, sample, view.seed, depth).b < choice.mirror:
+        return Bounce(to_world(frame, mirror_direction(wo)), lobes.mirror / choice.mirror, 0.0)
+    return bounce_diffuse(scene, lobes, choice.diffuse, frame, side, u, v)
 
 
 @kernel(needs=DIELECTRICS, otherwise=bounce_without_dielectric)
 def bounce(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, depth, u, v):
     """Draw a direction from a lobe that is chosen with the probability of its weight."""
     which = choice_numbers(scene, pixel, sample, view.seed, depth).b
-    if which < choice.diffuse:
-        return bounce_diffuse(scene, lobes, choice.diffuse, frame, side, u, v)
-    if which < choice.diffuse + choice.mirror:
+    if which < choice.dielectric:
+        number = dielectric_number(scene, pixel, sample, view.seed, depth)
+        through = sample_dielectric(scene, lobes, wo, s.front, number)
+        return Bounce(to_world(frame, through.wi), through.weight / choice.dielectric, 0.0)
+    if which < choice.dielectric + choice.mirror:
         return Bounce(to_world(frame, mirror_direction(wo)), lobes.mirror / choice.mirror, 0.0)
-    through = sample_dielectric(scene, lobes, wo, s.front, dielectric_number(scene, pixel, sample, view.seed, depth))
-    return Bounce(to_world(frame, through.wi), through.weight / (1.0 - choice.diffuse - choice.mirror), 0.0)
+    return bounce_diffuse(scene, lobes, choice.diffuse, frame, side, u, v)
 
 
 @struct
@@ -170,7 +170,7 @@ def no_direct_light(scene, view, path, s, side, lobes, probability, pixel, sampl
 def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, numbers):
     """Next-event estimation of the Lambert lobe, weighted against drawing the same direction from the lobe."""
     n = s.n * side
-    o = offset_point(s.p, n, path.ray.tmax)
+    o = offset_point(s.p, n, path.ray.tmax, s.reach)
     light = sample_light(scene, o, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
     cosine = dot(s.shading, light.direction) * side
     reaches = (light.pdf > 0.0) & (cosine > 0.0) & (dot(n, light.direction) > 0.0) & (probability > 0.0)
@@ -201,11 +201,11 @@ def roulette_weight(scene, view, throughput, depth, pixel, sample):
 
 
 @kernel
-def medium_beyond(scene, s, inside, medium):
-    """The medium on the side of a surface that a path goes to."""
-    if not is_dielectric(scene, s.material):
+def medium_beyond(scene, s, same_side, medium):
+    """The medium that a path goes on in: another one only where it passes through the surface of a dielectric."""
+    if same_side | (not is_dielectric(scene, s.material)):
         return medium
-    return s.material if inside else i32(-1)
+    return s.material if s.front else i32(-1)
 
 
 @kernel
@@ -259,7 +259,7 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     depth = i32(path.depth + 1)
     roulette = roulette_weight(scene, view, throughput, depth, pixel, sample)
     alive = (not blocked) & (roulette > 0.0) & (max_component(throughput) > 0.0)
-    leaving = offset_point(s.p, s.n if towards > 0.0 else -s.n, hit.t)
-    beyond = medium_beyond(scene, s, (towards > 0.0) != s.front, medium)
+    leaving = offset_point(s.p, s.n if towards > 0.0 else -s.n, hit.t, s.reach)
+    beyond = medium_beyond(scene, s, towards > 0.0, medium)
     onward = Path(endless_ray(leaving, drawn.direction), throughput * roulette, drawn.pdf, depth, beyond, alive)
     return Step(onward, emitted, direct.shadow, direct.radiance)

@@ -140,6 +140,15 @@ def quadric_distance(quadrics, index, o, d, tmax):
 
 
 @kernel
+def is_inside(q, p):
+    """Whether a point of object space is inside of a closed quadric."""
+    if q.kind == SPHERE:
+        return dot(p, p) < 1.0
+    radius = q.bottom + (q.top - q.bottom) / q.height * p.z
+    return (p.z > 0.0) & (p.z < q.height) & (p.x * p.x + p.y * p.y < radius * radius)
+
+
+@kernel
 def object_normal(q, p):
     """Outward unit normal at a point p of the surface, object space."""
     if q.kind == SPHERE:

@@ -7,8 +7,12 @@ from .vectors import max_abs_component
 
 # 2^-16: some hundred roundings. Less lets a ray hit what it leaves, more lets light through corners.
 OFFSET = f32(1.5e-5)
-# A shadow ray ends this fraction before its light, so that it does not hit the light itself.
-SHADOW_END = f32(0.9999)
+# 8 roundings of the coordinates of the primitive that was hit.
+_REACH = f32(4.8e-7)
+# Of a point on a light, for shadow rays to it.
+TARGET_OFFSET = f32(1e-6)
+# A shadow ray ends this fraction before its target, which itself lies in front of the light.
+SHADOW_END = f32(0.999998)
 
 
 @struct
@@ -35,12 +39,13 @@ def no_ray():
 
 
 @kernel
-def offset_point(p, n, t):
-    """A start for rays that leave the surface at p to the side of n; p was found at distance t from its ray's origin.
+def offset_point(p, n, t, reach):
+    """A start for rays that leave the surface at p to the side of n.
 
-    The rounding error of p grows with its coordinates and with t, and so does the offset: scenes of any size work.
+    The rounding error of p grows with its coordinates, with the distance t at which it was found, and with the greatest
+    coordinate `reach` of the primitive; so does the offset, and scenes of any size work.
     """
-    return p + n * ((max_abs_component(p) + t) * OFFSET)
+    return p + n * ((max_abs_component(p) + t) * OFFSET + reach * _REACH)
 
 
 @kernel

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ..lang import Vec3, as_int, f32, i32, kernel, load, load4, struct
-from ..pack.layout import PRIMITIVE_SIZE, QUADRICS, VERTEX_DATA, VERTEX_SIZE
+from ..lang import Vec3, as_float, as_int, f32, i32, kernel, load, load4, struct
+from ..pack.layout import MATERIAL_MASK, PRIMITIVE_SIZE, QUADRICS, REACH_SHIFT, VERTEX_DATA, VERTEX_SIZE
 from .quadrics import normal_to_world, object_normal, object_uv, point_to_object, quadric_at
-from .vectors import dot, normalize, xyz
+from .vectors import cross, dot, normalize, xyz
 
 
 @struct
@@ -22,6 +22,7 @@ class Surface:
     v: f32
     w1: f32  # barycentric weights of the second and third corner
     w2: f32
+    reach: f32  # greatest coordinate of the primitive, as a power of 2
 
 
 @struct
@@ -56,18 +57,13 @@ def triangle_normals(scene, primitive, p, n):
     n0 = load4(scene.vertices, i0 + 4)
     n1 = load4(scene.vertices, i1 + 4)
     n2 = load4(scene.vertices, i2 + 4)
-    # Barycentric coordinates by least squares (Ericson 2005, Real-Time Collision Detection, section 3.4).
+    # Barycentric coordinates as ratios of areas (Ericson 2005, Real-Time Collision Detection, section 3.4).
     e1 = xyz(p1) - xyz(p0)
     e2 = xyz(p2) - xyz(p0)
     r = p - xyz(p0)
-    d11 = dot(e1, e1)
-    d12 = dot(e1, e2)
-    d22 = dot(e2, e2)
-    r1 = dot(r, e1)
-    r2 = dot(r, e2)
-    scale = 1.0 / (d11 * d22 - d12 * d12)
-    w1 = min(max((d22 * r1 - d12 * r2) * scale, 0.0), 1.0)
-    w2 = min(max((d11 * r2 - d12 * r1) * scale, 0.0), 1.0 - w1)
+    scale = 1.0 / dot(cross(e1, e2), n)
+    w1 = min(max(dot(cross(r, e2), n) * scale, 0.0), 1.0)
+    w2 = min(max(dot(cross(e1, r), n) * scale, 0.0), 1.0 - w1)
     w0 = 1.0 - w1 - w2
     smooth = xyz(n0) * w0 + xyz(n1) * w1 + xyz(n2) * w2
     size = dot(smooth, smooth)
@@ -108,4 +104,7 @@ def surface_at(scene, ray, hit):
     shading = found.shading if dot(found.shading, n) >= 0.0 else -found.shading
     # A shading normal that turns away from the viewer would make the surface black: use the true one there.
     shading = shading if dot(shading, ray.d) < 0.0 else n
-    return Surface(p, n, shading, front, as_int(row[3]), found.corner, found.u, found.v, found.w1, found.w2)
+    word = as_int(row[3])
+    reach = as_float(((word >> REACH_SHIFT) & 255) << 23)
+    material = i32(word & MATERIAL_MASK)
+    return Surface(p, n, shading, front, material, found.corner, found.u, found.v, found.w1, found.w2, reach)

@@ -25,10 +25,12 @@ from .memory import (
     load4,
     prefetch,
     put,
+    read4,
     read_clock,
     stack_floats,
     stack_ints,
     store,
+    write4,
 )
 from .scalars import DEBUG_PYTHON, INF, INV_PI, PI, TWO_PI, f32, i32, u32
 from .struct import struct
@@ -65,6 +67,7 @@ __all__ = [
     "lowest_bit",
     "prefetch",
     "put",
+    "read4",
     "read_clock",
     "reverse_bits",
     "sqrt",
@@ -73,4 +76,5 @@ __all__ = [
     "store",
     "struct",
     "u32",
+    "write4",
 ]

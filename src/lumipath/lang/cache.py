@@ -77,10 +77,27 @@ class _CacheImpl(caching.CompileResultCacheImpl):
     _locator_classes = (_Locator,)
 
 
+class _CacheFile(caching.IndexDataCacheFile):
+    """Code in files named by what it is compiled for.
+
+    Numba numbers its files, so that two processes that save at once can give one number to two kernels.
+    """
+
+    def save(self, key: object, data: object) -> None:
+        overloads = self._load_index()
+        overloads[key] = self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:15], 16))
+        self._save_data(overloads[key], data)
+        self._save_index(overloads)
+
+
 class KernelCache(caching.FunctionCache):
     """Numba's function cache in our folder."""
 
     _impl_class = _CacheImpl
+
+    def __init__(self, py_func: object) -> None:
+        super().__init__(py_func)
+        self._cache_file = _CacheFile(self._cache_path, self._impl.filename_base, source_hash())
 
 
 def enable_cache(dispatcher: Dispatcher) -> None:

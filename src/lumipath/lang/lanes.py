@@ -11,7 +11,6 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -284,7 +283,7 @@ def permute(v: types.Type, index: types.Type) -> Any:
 
     def emit(context: Any, builder: ir.IRBuilder, call: Any, arguments: Any) -> ir.Value:
         value, order = arguments
-        if v.width == 8 and v.element == types.float32 and llvm.get_host_cpu_features().get("avx2"):
+        if v.width == 8 and v.element == types.float32 and "+avx2" in context.codegen()._tm_features.split(","):
             return call_llvm(builder, "llvm.x86.avx2.permps", value.type, [value, order])
         result = _undefined(value.type)
         for k in range(v.width):

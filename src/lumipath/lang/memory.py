@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import Any
 
@@ -91,17 +92,61 @@ def load4(array: types.Type, i: types.Type) -> Any:
         pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
         vector = builder.load(builder.bitcast(pointer, ir.VectorType(FLOAT, 4).as_pointer()), align=16)
         vector.set_metadata("invariant.load", builder.module.add_metadata([]))
-        result = ir.Constant(context.get_value_type(signature.return_type), ir.Undefined)
-        for k in range(4):
-            result = builder.insert_value(result, builder.extract_element(vector, ir.Constant(INT, k)), k)
-        return result
+        return _unpacked(context, builder, signature, vector)
 
     return types.UniTuple(types.float32, 4), emit
 
 
+@intrinsic(lambda array, i: tuple(_flat(array)[i : i + 4]))
+def read4(array: types.Type, i: types.Type) -> Any:
+    """Four float32 in one load from `array.flat[i]`, i a multiple of 4; of memory that kernels write, too."""
+    if not _is_memory(array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
+        pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
+        vector = builder.load(builder.bitcast(pointer, ir.VectorType(FLOAT, 4).as_pointer()), align=16)
+        return _unpacked(context, builder, signature, vector)
+
+    return types.UniTuple(types.float32, 4), emit
+
+
+def _write4_python(array: Any, i: int, a: Any, b: Any, c: Any, d: Any) -> None:
+    _flat(array)[i : i + 4] = a, b, c, d
+
+
+@intrinsic(_write4_python)
+def write4(array: types.Type, i: types.Type, a: types.Type, b: types.Type, c: types.Type, d: types.Type) -> Any:
+    """Four float32 in one store to `array.flat[i]`, i a multiple of 4."""
+    if not _is_memory(array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> None:
+        pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
+        vector: ir.Value = ir.Constant(ir.VectorType(FLOAT, 4), ir.Undefined)
+        for k, (value, kind) in enumerate(zip(arguments[2:], signature.args[2:])):
+            number = context.cast(builder, value, kind, types.float32)
+            vector = builder.insert_element(vector, number, ir.Constant(INT, k))
+        builder.store(vector, builder.bitcast(pointer, vector.type.as_pointer()), align=16)
+
+    return types.none, emit
+
+
+def _unpacked(context: Any, builder: ir.IRBuilder, signature: Any, vector: ir.Value) -> ir.Value:
+    """A vector of four as the tuple that a kernel sees."""
+    result = ir.Constant(context.get_value_type(signature.return_type), ir.Undefined)
+    for k in range(4):
+        result = builder.insert_value(result, builder.extract_element(vector, ir.Constant(INT, k)), k)
+    return result
+
+
+_ATOMIC = threading.Lock()
+
+
 def _fetch_add_python(array: np.ndarray, i: int, amount: int) -> int:
-    before = int(array.flat[i])
-    array.flat[i] = before + amount
+    with _ATOMIC:
+        before = int(array.flat[i])
+        array.flat[i] = before + amount
     return before
 
 

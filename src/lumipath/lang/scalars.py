@@ -18,6 +18,12 @@ INF = f32(np.inf)
 DEBUG_PYTHON = os.environ.get("LUMIPATH_DEBUG_PYTHON", "0") not in ("", "0")
 """Run kernels as plain Python instead of compiling them."""
 
-if DEBUG_PYTHON:
-    # Kernels wrap around and divide by zero on purpose, as the compiled code does without a word.
-    np.seterr(over="ignore", divide="ignore", invalid="ignore")
+
+
+def quiet_arithmetic() -> None:
+    """In plain Python, let this thread wrap around and divide by 0 without a warning, as compiled kernels do."""
+    if DEBUG_PYTHON:
+        np.seterr(over="ignore", divide="ignore", invalid="ignore")
+
+
+quiet_arithmetic()

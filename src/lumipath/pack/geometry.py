@@ -40,6 +40,12 @@ class Geometry:
         unit = np.divide(normals, doubled[:, None], out=np.zeros_like(normals), where=doubled[:, None] > 0)
         return unit, doubled * 0.5
 
+    def reach(self) -> NDArray[np.float64]:
+        """Greatest coordinate of each primitive, (P,): what the rounding of a hit grows with."""
+        corners = np.abs(self.vertices).max(axis=1) if len(self.vertices) else np.zeros(0)
+        faces = corners[self.faces].max(axis=1) if len(self.faces) else np.zeros(0)
+        return np.concatenate([faces, np.array([quadric_reach(shape) for shape in self.quadrics], np.float64)])
+
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Lower and upper corners of the boxes around all primitives, each (P, 3) float32."""
         lower = np.minimum(np.minimum(*(self.vertices[self.faces[:, k]] for k in (0, 1))), self.vertices[self.faces[:, 2]])
@@ -48,6 +54,13 @@ class Geometry:
             return lower, upper
         boxes = np.array([quadric_box(shape) for shape in self.quadrics])
         return np.concatenate([lower, boxes[:, 0]]), np.concatenate([upper, boxes[:, 1]])
+
+
+def quadric_reach(shape: Sphere | Cone) -> float:
+    """A bound of the coordinates of a quadric's points."""
+    size = 1.0 if isinstance(shape, Sphere) else max(shape.bottom_radius, shape.top_radius, shape.height)
+    linear = np.linalg.norm(shape.transform[:3, :3], axis=0).max() * size
+    return float(np.abs(shape.transform[:3, 3]).max() + linear)
 
 
 def quadric_box(shape: Sphere | Cone) -> NDArray[np.float32]:
@@ -101,7 +114,7 @@ def flatten(scene: Scene, table: MaterialTable) -> Geometry:
         else:
             numbers = np.full(count, table.number(mesh.material), np.int32)
         vertex_materials.append(numbers)
-        face_materials.append(numbers[mesh.faces[:, 0]])
+        face_materials.append(_face_materials(numbers[mesh.faces], table))
         if mesh.normals is not None and _is_smooth(mesh):
             features |= layout.SMOOTH_NORMALS
         if not mesh.two_sided:
@@ -122,6 +135,12 @@ def flatten(scene: Scene, table: MaterialTable) -> Geometry:
         np.array([table.number(shape.material) for shape in quadrics], np.int32),
         features,
     )
+
+
+def _face_materials(numbers: NDArray[np.int32], table: MaterialTable) -> NDArray[np.int32]:
+    """The material that stands for each face, of those of its corners (M, 3): a blend that is partly glass is glass."""
+    glass = np.array([material.is_dielectric for material in table.materials])[numbers]
+    return np.take_along_axis(numbers, glass.argmax(axis=1)[:, None], axis=1)[:, 0]
 
 
 def _is_smooth(mesh: Mesh) -> bool:

@@ -36,8 +36,11 @@ ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
 
-# ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), material index as bits ----------------------
+# ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), then as bits the material's number (24) and
+#      the exponent of the primitive's greatest coordinate (8) ----------------------------------------------------------
 PRIMITIVE_SIZE = i32(4)
+MATERIAL_MASK = i32((1 << 24) - 1)
+REACH_SHIFT = i32(24)
 
 # ---- vertices: 8 floats: position xyz, u; shading normal xyz, v ------------------------------------------------------
 VERTEX_SIZE = i32(8)
@@ -121,7 +124,10 @@ class View(NamedTuple):
 
 
 class FilmArrays(NamedTuple):
-    """Sums of samples (H, W, 3) float32, what their rounding lost (H, W, 3) float32, and numbers of samples (H, W) uint32."""
+    """The film as kernels see it.
+
+    Sums of samples (H, W, 3) float32, what their rounding lost (H, W, 3) float32, and numbers of samples (H, W) uint32.
+    """
 
     total: NDArray[Any]
     lost: NDArray[Any]

@@ -36,7 +36,7 @@ def pack_scene(scene: Scene) -> Packed:
     """Flatten a scene. The tree is left out: each kind of device has its own.
 
     Raises:
-        SceneError: more primitives than can be numbered.
+        SceneError: more primitives or materials than can be numbered.
     """
     table = MaterialTable()
     geometry = flatten(scene, table)
@@ -48,6 +48,8 @@ def pack_scene(scene: Scene) -> Packed:
     environment = pack_environment(scene.environment) if scene.environment else no_environment()
     lights = collect_lights(scene, geometry, table, scene_radius(geometry), environment.mean)
     features = geometry.features | table.features() | lights.features
+    if len(table.materials) > int(layout.MATERIAL_MASK):
+        raise SceneError(f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible")
     rows = table.rows()
     textures, texels = table.textures()
     has_vertex_data = bool(features & layout.VERTEX_DATA)
@@ -87,8 +89,9 @@ def _primitive_rows(geometry: Geometry) -> NDArray[np.float32]:
     triangles = len(geometry.faces)
     rows = np.zeros((triangles + len(geometry.quadrics), int(layout.PRIMITIVE_SIZE)), np.float32)
     rows[:triangles, :3] = geometry.face_normals()[0]
-    rows.view(np.int32)[:triangles, 3] = geometry.face_materials
-    rows.view(np.int32)[triangles:, 3] = geometry.quadric_materials
+    materials = np.concatenate([geometry.face_materials, geometry.quadric_materials]).astype(np.uint32)
+    exponents = np.frexp(np.maximum(geometry.reach(), 1e-37))[1].astype(np.uint32) + np.uint32(127)
+    rows.view(np.uint32)[:, 3] = exponents << np.uint32(layout.REACH_SHIFT) | materials
     return rows
 
 

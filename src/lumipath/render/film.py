@@ -44,6 +44,12 @@ class Film:
         """Mean number of samples of a pixel."""
         return float(self.counts.mean(dtype=np.float64))
 
+    def clear(self) -> None:
+        """No samples."""
+        for array in self.arrays:
+            array.fill(0)
+        self.rejected = 0
+
     def mean(self) -> NDArray[np.float32]:
         """(H, W, 3) float32: the mean radiance of each pixel; 0 where there is no sample yet."""
         counts = np.maximum(self.counts, 1).astype(np.float64)[..., None]

@@ -10,17 +10,16 @@ from typing import Any
 import attrs
 from attrs import frozen
 
+from .. import __version__
 from ..devices import open_device
 from ..devices.device import Device
 from ..errors import LumipathWarning
-from ..lang import Features
+from ..lang import Features, u32
 from ..pack.scene import pack_scene, pack_view, settings_features
 from ..scene import Scene
 from ..settings import RenderSettings
 from .film import Film
 from .image import Image
-
-_PASS_SECONDS = 0.3
 
 
 @frozen
@@ -76,7 +75,7 @@ class Session:
         camera = scene.camera(self.settings.camera)
         self._view = pack_view(camera, self.settings)
         self.film = Film(int(self._view.film_width), int(self._view.film_height))
-        self.device: Device = open_device(device, self.settings.threads)
+        self.device: Device = open_device(device, self.settings.threads, self.settings.kernel)
         start = time.perf_counter()
         packed = self.device.upload(pack_scene(scene))
         features = packed.features.mask | settings_features(self.settings, camera)
@@ -99,24 +98,34 @@ class Session:
         return self.film.height
 
     def __iter__(self) -> Iterator[Progress]:
-        """Render pass by pass; a KeyboardInterrupt leaves the film valid and comes through."""
+        """Render, and report several times a second; leaving the loop at any time leaves the film valid."""
         done = int(self.film.counts.min())
         while done < self.settings.spp:
-            last = min(self.settings.spp, done + self._pass_samples())
-            start = time.perf_counter()
-            try:
-                self.film.rejected += self.device.render(self._packed, self._view, self.film.arrays, last)
-            finally:
-                self.render_seconds += time.perf_counter() - start
+            last = min(self.settings.spp, self.device.next_stop(done, self.width * self.height))
+            yield from self._render_pass(last)
             done = last
-            self._warn_of_rejected()
-            yield self.progress()
 
-    def _pass_samples(self) -> int:
-        """Samples of the next pass: as many as fit into its time, at the speed so far."""
-        if self.film.samples == 0:
-            return 1
-        return max(1, int(_PASS_SECONDS * self.film.samples / max(self.render_seconds, 1e-9)))
+    def _render_pass(self, last: int) -> Iterator[Progress]:
+        """Bring every pixel up to `last` samples; only the time spent here counts as rendering."""
+        work = self.device.render(self._packed, self._view, self.film.arrays, last)
+        start = time.perf_counter()
+        try:
+            for rejected in work:
+                self.film.rejected += rejected
+                self.render_seconds += time.perf_counter() - start
+                self._warn_of_rejected()
+                yield self.progress()
+                start = time.perf_counter()
+        finally:
+            work.close()
+
+    def restart(self, seed: int) -> None:
+        """Begin anew with another seed; scene, tree and kernels stay as they are."""
+        self.settings = attrs.evolve(self.settings, seed=seed)
+        self._view = self._view._replace(seed=u32(seed))
+        self.film.clear()
+        self.device.clear()
+        self.render_seconds = 0.0
 
     def _warn_of_rejected(self) -> None:
         if self.film.rejected and not self._warned:
@@ -145,6 +154,7 @@ class Session:
             "seed": self.settings.seed,
             "seconds": self.render_seconds,
             "scene": self.scene.name,
+            "version": __version__,
             "device": self.device.name,
         }
         return Image(self.film.mean(), metadata)

@@ -52,7 +52,7 @@ class Mesh:
             unit = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
             object.__setattr__(self, "normals", unit.astype(np.float32))
         if self.uvs is not None:
-            object.__setattr__(self, "uvs", float_array(self.uvs, (count, 2), f"{where}: uvs"))
+            object.__setattr__(self, "uvs", float_array(self.uvs, (count, 2), f"{where}: uvs", limit=1e6))
         if self.vertex_materials is not None and len(self.vertex_materials) != count:
             raise SceneError(f"{where}: {len(self.vertex_materials)} materials for {count} vertices; give one each")
 

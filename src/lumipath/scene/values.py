@@ -12,7 +12,8 @@ from ..errors import SceneError
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
 
-COORDINATE_LIMIT = 1e18
+COORDINATE_LIMIT = 1e12
+"""Beyond it products of coordinates overflow float32."""
 
 
 def float_array(value: ArrayLike, shape: tuple[int | None, ...], name: str, limit: float = COORDINATE_LIMIT) -> Floats:

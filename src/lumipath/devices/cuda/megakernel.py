@@ -14,10 +14,9 @@ from ...accel.walk import DONE, Walk, leaf_step, node_step, start_walk
 from ...kernels.path import shade, start_path
 from ...kernels.rays import Hit
 from ...kernels.sampler import direction_numbers
-from ...kernels.vectors import black
-from ...lang import INF, Vec3, i32, kernel, load, stack_ints, store, u32
+from ...lang import Vec3, i32, kernel, stack_ints, u32
 from ...lang.cuda import cuda_entry
-from ...lang.maths import exact_add, exact_sub
+from .film import add_samples, finite
 
 _ALL = 0xFFFFFFFF
 # The link of a lane that has no work any more.
@@ -43,31 +42,6 @@ def pixel_of(view):
     """Column and row, in the full image, of this thread's pixel."""
     column, row = place_of()
     return i32(view.left + column), i32(view.top + row)
-
-
-@kernel
-def add_exactly(film, i, value):
-    """Add a number to the film, keeping the digits that float32 cannot hold (Knuth's two-sum)."""
-    before = load(film.total, i)
-    total = exact_add(before, value)
-    c = exact_sub(total, before)
-    lost = exact_add(exact_sub(before, exact_sub(total, c)), exact_sub(value, c))
-    store(film.total, i, total)
-    store(film.lost, i, load(film.lost, i) + lost)
-
-
-@kernel
-def add_samples(film, place, total):
-    """Add the sum of a pixel's samples to the film."""
-    add_exactly(film, place * 3, total.x)
-    add_exactly(film, place * 3 + 1, total.y)
-    add_exactly(film, place * 3 + 2, total.z)
-
-
-@kernel
-def finite(light):
-    """The light, or none where it is not finite."""
-    return light if abs(light.x + light.y + light.z) < INF else black()
 
 
 @kernel

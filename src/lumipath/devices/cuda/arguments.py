@@ -1,0 +1,29 @@
+"""Numba types of what kernels are called with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+from numba import types
+
+from ...pack.layout import FilmArrays, View
+from .driver import DeviceArray
+
+
+def type_of(value: Any) -> types.Type:
+    """The Numba type of a value whose arrays may be on the GPU."""
+    if isinstance(value, DeviceArray):
+        return types.Array(numba.from_dtype(value.dtype), len(value.shape), "C")
+    if isinstance(value, tuple):
+        return types.NamedTuple(tuple(type_of(item) for item in value), type(value))
+    return numba.typeof(value)
+
+
+VIEW_TYPE = types.NamedTuple(
+    (types.Array(types.float32, 1, "C"), *([types.int32] * 6), types.uint32, types.int32, types.int32), View
+)
+FILM_TYPE = types.NamedTuple(
+    (types.Array(types.float32, 3, "C"), types.Array(types.float32, 3, "C"), types.Array(types.uint32, 2, "C")),
+    FilmArrays,
+)
