@@ -206,10 +206,8 @@ def shade_batch(scene, view, batch, n, depth):
 
 
 @kernel
-def connect(scene, batch, shadows):
-    """Trace the shadow rays and gather the light of those that nothing stops."""
-    if shadows > 0:
-        trace_rays(scene, batch.shadows, shadows, batch.order, True, False)
+def connect(batch, shadows):
+    """Gather the light of the shadow rays that nothing stopped."""
     light = batch.shadow_light
     for i in range(shadows):
         if load(batch.shadows.slot, i) < 0:
@@ -272,14 +270,22 @@ def render_tile(scene, view, film, batch, column, row, columns, rows, first, sam
     n = generate(scene, view, batch, column, row, columns, rows, first, samples)
     time = lap(batch.clock, 0, time)
     depth = i32(0)
-    while n > 0:
-        trace_rays(scene, batch.rays, n, batch.order, False, depth == 0)
-        time = lap(batch.clock, 1, time)
-        n, shadows = shade_batch(scene, view, batch, n, depth)
-        time = lap(batch.clock, 2, time)
-        connect(scene, batch, shadows)
-        time = lap(batch.clock, 3, time)
-        depth += i32(1)
+    shadows = i32(0)
+    connecting = False
+    while n + shadows > 0:
+        # One call for rays of both kinds: traversal is most of the machine code, and is compiled once this way.
+        rays = batch.shadows if connecting else batch.rays
+        trace_rays(scene, rays, shadows if connecting else n, batch.order, connecting, depth == 0)
+        time = lap(batch.clock, 3 if connecting else 1, time)
+        if connecting:
+            connect(batch, shadows)
+            time = lap(batch.clock, 3, time)
+            shadows = i32(0)
+        else:
+            n, shadows = shade_batch(scene, view, batch, n, depth)
+            time = lap(batch.clock, 2, time)
+            depth += i32(1)
+        connecting = shadows > 0
     rejected = develop(view, film, batch, column, row, columns, rows, samples)
     lap(batch.clock, 4, time)
     return rejected
