@@ -167,11 +167,10 @@ class Kernel:
         self._module = check(self._driver.cuModuleLoadData(cubin), "loading a kernel")
         self._function = check(self._driver.cuModuleGetFunction(self._module, name.encode()), "loading a kernel")
 
-    def launch(self, blocks: tuple[int, int], threads: int, arguments: list[Any]) -> None:
-        """Start the kernel; `arguments` as ctypes scalars, see `flatten_arguments`."""
-        pointers = (ctypes.c_void_p * len(arguments))(*(ctypes.addressof(value) for value in arguments))
+    def launch(self, blocks: int, threads: int, arguments: Any) -> None:
+        """Start the kernel; `arguments` from `pointers_to`."""
         result = self._driver.cuLaunchKernel(
-            self._function, *blocks, 1, threads, 1, 1, 0, 0, ctypes.addressof(pointers), 0
+            self._function, blocks, 1, 1, threads, 1, 1, 0, 0, ctypes.addressof(arguments), 0
         )
         check(result, "starting a kernel")
 
@@ -179,6 +178,13 @@ class Kernel:
         """NUM_REGS, LOCAL_SIZE_BYTES, ..."""
         which = getattr(self._driver.CUfunction_attribute, f"CU_FUNC_ATTRIBUTE_{name}")
         return int(check(self._driver.cuFuncGetAttribute(which, self._function), "asking a kernel"))
+
+
+def pointers_to(values: list[Any]) -> Any:
+    """The addresses of ctypes scalars as the driver wants them; keeps the scalars alive."""
+    pointers = (ctypes.c_void_p * len(values))(*(ctypes.addressof(value) for value in values))
+    pointers.values = values
+    return pointers
 
 
 def flatten_arguments(values: Any) -> list[Any]:

@@ -1,4 +1,4 @@
-"""One kernel for whole paths: a thread renders a pixel, and the lanes of a warp take turns at what most of them need.
+"""One kernel for whole paths. A lane renders pixel after pixel, and the lanes of a warp take turns at what most need.
 
 `vote` suits large scenes: each turn the warp votes on whether to shade, to test triangles, or to test boxes.
 `refill` suits tiny scenes: traversal runs to its end, and lanes that are done wait until enough of them can shade.
@@ -14,7 +14,8 @@ from ...accel.walk import DONE, Walk, leaf_step, node_step, start_walk
 from ...kernels.path import shade, start_path
 from ...kernels.rays import Hit
 from ...kernels.sampler import direction_numbers
-from ...lang import Vec3, i32, kernel, stack_ints, u32
+from ...kernels.vectors import black
+from ...lang import Vec3, i32, kernel, stack_ints, struct, u32
 from ...lang.cuda import cuda_entry
 from .film import add_samples, finite
 
@@ -22,26 +23,59 @@ _ALL = 0xFFFFFFFF
 # The link of a lane that has no work any more.
 IDLE = i32(-(2**31) + 1)
 BLOCK = 128
-TILE_WIDTH, TILE_HEIGHT = 16, 8
-"""Pixels of a block: four warps of 8 x 4."""
+BLOCKS_PER_MULTIPROCESSOR = 16
+"""Of `vote`: its grid is as large as the GPU, and lanes that are done take further pixels from a counter."""
+
+
+@struct
+class Lane:
+    """What a lane works on: all samples of one pixel after the other."""
+
+    pixel: u32  # number in the full image
+    place: i32  # number on the film; behind the last: no work any more
+    sample: u32
+    light: Vec3  # sum of the pixel's samples
 
 
 @kernel
-def place_of():
-    """Column and row, on the film, of this thread's pixel: a warp covers 8 x 4 pixels, a block 16 x 8."""
-    thread = i32(cuda.threadIdx.x)
-    lane = thread & 31
-    warp = thread >> 5
-    column = i32(cuda.blockIdx.x) * TILE_WIDTH + (warp & 1) * 8 + (lane & 7)
-    row = i32(cuda.blockIdx.y) * TILE_HEIGHT + (warp >> 1) * 4 + (lane >> 3)
+def place_of(item, width):
+    """Column and row on the film of a work item: items run through tiles of 8 x 4 pixels, so that warps stay together."""
+    tile = u32(item >> u32(5))
+    within = i32(item & u32(31))
+    across = u32((u32(width) + u32(7)) >> u32(3))
+    column = i32(tile % across) * 8 + (within & 7)
+    row = i32(tile // across) * 4 + (within >> 3)
     return i32(column), i32(row)
 
 
 @kernel
-def pixel_of(view):
-    """Column and row, in the full image, of this thread's pixel."""
-    column, row = place_of()
-    return i32(view.left + column), i32(view.top + row)
+def lane_for(view, item, items, first):
+    """A lane that begins a work item; without work if there is no such pixel."""
+    column, row = place_of(item, view.film_width)
+    # Tiles reach over the edges of the film.
+    if (item < u32(items)) & (column < view.film_width) & (row < view.film_height):
+        pixel = u32((view.top + row) * view.width + view.left + column)
+        return Lane(pixel, i32(row * view.film_width + column), u32(first), black())
+    return Lane(u32(0), i32(-1), u32(first), black())
+
+
+@kernel
+def next_item(view, counters, items, first):
+    """A pixel that no lane has worked on yet."""
+    item = u32(cuda.atomic.add(counters, 0, u32(1)))
+    lane = lane_for(view, item, items, first)
+    while (lane.place < 0) & (item < u32(items)):
+        item = u32(cuda.atomic.add(counters, 0, u32(1)))
+        lane = lane_for(view, item, items, first)
+    return lane
+
+
+@kernel
+def camera_path(scene, view, lane):
+    """The camera path of a lane's sample."""
+    width = u32(view.width)
+    row = u32(lane.pixel // width)
+    return start_path(scene, view, i32(lane.pixel - row * width), i32(row), lane.pixel, lane.sample)
 
 
 @kernel
@@ -51,79 +85,66 @@ def idle(walk):
 
 
 @kernel
-def next_path(scene, view, path, sample):
-    """The path itself while it lives, else that of the pixel's next sample."""
-    if path.alive:
-        return path, sample
-    sample = u32(sample + u32(1))
-    x, y = pixel_of(view)
-    return start_path(scene, view, x, y, u32(y * view.width + x), sample), sample
-
-
-@kernel
-def walk_on(path, sample, last):
-    """The walk of a path's ray, idle once all samples are done."""
+def begin(scene, view, lane):
+    """The path and the walk of a lane's sample."""
+    path = camera_path(scene, view, lane)
     walk = start_walk(path.ray)
-    return idle(walk) if sample >= u32(last) else walk
+    return path, (idle(walk) if lane.place < 0 else walk)
 
 
 @kernel
-def shade_lane(scene, view, walk, path, total, sample, last):
+def advance(scene, view, film, counters, items, first, last, path, lane):
+    """Go on with the path while it lives, else with the next sample, else with another pixel."""
+    if path.alive:
+        return path, start_walk(path.ray), lane
+    lane = Lane(lane.pixel, lane.place, u32(lane.sample + u32(1)), lane.light)
+    if lane.sample >= u32(last):
+        add_samples(film, lane.place, lane.light)
+        lane = next_item(view, counters, items, first)
+    path, walk = begin(scene, view, lane)
+    return path, walk, lane
+
+
+@kernel
+def lit(lane, light):
+    """The lane with more light; what is not finite is left out."""
+    return Lane(lane.pixel, lane.place, lane.sample, lane.light + finite(light))
+
+
+@kernel
+def shade_lane(scene, view, film, counters, items, first, last, walk, path, lane):
     """Shade what a walk found.
 
-    Returns the walk to do next, the path, the sum of the pixel's light, the sample's number, whether the walk is a
-    shadow ray's, and the light that this would bring.
+    Returns the walk to do next, the path, the lane, whether the walk is a shadow ray's, and the light that it brings.
     """
-    x, y = pixel_of(view)
-    pixel = u32(y * view.width + x)
-    numbers = direction_numbers(scene, pixel, sample, view.seed, path.depth)
-    step = shade(scene, view, path, Hit(walk.ray.tmax, walk.primitive), numbers, pixel, sample)
-    total = total + finite(step.emitted)
-    shadow = step.shadow.tmax > 0.0
-    path = step.path
-    if shadow:
-        return start_walk(step.shadow), path, total, sample, True, step.direct
-    path, sample = next_path(scene, view, path, sample)
-    return walk_on(path, sample, last), path, total, sample, False, step.direct
+    numbers = direction_numbers(scene, lane.pixel, lane.sample, view.seed, path.depth)
+    hit = Hit(walk.ray.tmax, walk.primitive)
+    step = shade(scene, view, path, hit, numbers, lane.pixel, lane.sample)
+    lane = lit(lane, step.emitted)
+    if step.shadow.tmax > 0.0:
+        return start_walk(step.shadow), step.path, lane, True, step.direct
+    path, walk, lane = advance(scene, view, film, counters, items, first, last, step.path, lane)
+    return walk, path, lane, False, step.direct
 
 
 @kernel
-def end_shadow(scene, view, walk, path, total, sample, last, direct):
-    """A shadow ray has ended: gather its light if it hit nothing, and go on with the path or the next sample."""
+def end_shadow(scene, view, film, counters, items, first, last, walk, path, lane, direct):
+    """A shadow ray has ended: gather its light if it hit nothing, and go on."""
     if walk.primitive < 0:
-        total = total + finite(direct)
-    path, sample = next_path(scene, view, path, sample)
-    return walk_on(path, sample, last), path, total, sample
-
-
-@kernel
-def first_walk(view, path):
-    """The walk of a camera ray; idle outside of the film."""
-    column, row = place_of()
-    walk = start_walk(path.ray)
-    return walk if (column < view.film_width) & (row < view.film_height) else idle(walk)
-
-
-@kernel
-def store_pixel(view, film, total):
-    """Add a thread's sum to its pixel."""
-    column, row = place_of()
-    if (column < view.film_width) & (row < view.film_height):
-        add_samples(film, i32(row * view.film_width + column), total)
+        lane = lit(lane, direct)
+    path, walk, lane = advance(scene, view, film, counters, items, first, last, path, lane)
+    return walk, path, lane
 
 
 def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> Any:
     """The voting kernel: shade once `shade_at` lanes wait for it, test a triangle once `leaf_at` do, else boxes."""
 
-    def vote(scene, view, film, first, last):
-        x, y = pixel_of(view)
-        sample = u32(first)
-        path = start_path(scene, view, x, y, u32(y * view.width + x), sample)
-        total = Vec3(0, 0, 0)
+    def vote(scene, view, film, counters, items, first, last):
+        lane = lane_for(view, u32(cuda.grid(1)), items, first)
+        path, walk = begin(scene, view, lane)
         direct = Vec3(0, 0, 0)
         shadow = False
         stack = stack_ints(stack_size)
-        walk = first_walk(view, path)
         while True:
             at_node = walk.link >= 0
             at_leaf = (walk.link < 0) & (walk.link > IDLE)
@@ -135,8 +156,8 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
                 break
             if ends >= shade_at or nodes + leaves == 0:
                 if at_end:
-                    walk, path, total, sample, shadow, direct = shade_lane(
-                        scene, view, walk, path, total, sample, last
+                    walk, path, lane, shadow, direct = shade_lane(
+                        scene, view, film, counters, items, first, last, walk, path, lane
                     )
             else:
                 if leaves >= leaf_at or nodes < leaves:
@@ -147,10 +168,11 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
                         if walk.link >= 0:
                             walk = node_step(scene, walk, stack)
                 if shadow and walk.link == DONE:
-                    walk, path, total, sample = end_shadow(scene, view, walk, path, total, sample, last, direct)
+                    walk, path, lane = end_shadow(
+                        scene, view, film, counters, items, first, last, walk, path, lane, direct
+                    )
                     shadow = False
             cuda.syncwarp()
-        store_pixel(view, film, total)
 
     return cuda_entry(vote)
 
@@ -158,15 +180,12 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
 def make_refill(stack_size: int, threshold: int) -> Any:
     """The refilling kernel: shade when fewer than `threshold` lanes still walk."""
 
-    def refill(scene, view, film, first, last):
-        x, y = pixel_of(view)
-        sample = u32(first)
-        path = start_path(scene, view, x, y, u32(y * view.width + x), sample)
-        total = Vec3(0, 0, 0)
+    def refill(scene, view, film, counters, items, first, last):
+        lane = lane_for(view, u32(cuda.grid(1)), items, first)
+        path, walk = begin(scene, view, lane)
         direct = Vec3(0, 0, 0)
         shadow = False
         stack = stack_ints(stack_size)
-        walk = first_walk(view, path)
         while True:
             walkers = cuda.popc(cuda.ballot_sync(_ALL, walk.link > IDLE))
             waiting = walk.link == DONE
@@ -175,8 +194,8 @@ def make_refill(stack_size: int, threshold: int) -> Any:
                 break
             if waiters != 0 and walkers < threshold:
                 if waiting:
-                    walk, path, total, sample, shadow, direct = shade_lane(
-                        scene, view, walk, path, total, sample, last
+                    walk, path, lane, shadow, direct = shade_lane(
+                        scene, view, film, counters, items, first, last, walk, path, lane
                     )
             elif walk.link > IDLE:
                 while walk.link >= 0:
@@ -184,9 +203,10 @@ def make_refill(stack_size: int, threshold: int) -> Any:
                 while (walk.link < 0) & (walk.link > IDLE):
                     walk = leaf_step(scene, walk, stack, shadow)
                 if shadow and walk.link == DONE:
-                    walk, path, total, sample = end_shadow(scene, view, walk, path, total, sample, last, direct)
+                    walk, path, lane = end_shadow(
+                        scene, view, film, counters, items, first, last, walk, path, lane, direct
+                    )
                     shadow = False
             cuda.syncwarp()
-        store_pixel(view, film, total)
 
     return cuda_entry(refill)

@@ -10,8 +10,8 @@ from numba import types
 from ...lang.cuda import Compiled, compile_cubin
 from ...pack.layout import DIELECTRICS, MIRRORS, QUADRICS, VERTEX_DATA, WIDE_TREE
 from .arguments import FILM_TYPE, VIEW_TYPE, type_of
-from .driver import DeviceArray, Gpu, Kernel, flatten_arguments
-from .megakernel import BLOCK, TILE_HEIGHT, TILE_WIDTH, make_refill, make_vote
+from .driver import DeviceArray, Gpu, Kernel, flatten_arguments, pointers_to
+from .megakernel import BLOCK, BLOCKS_PER_MULTIPROCESSOR, make_refill, make_vote
 from .wavefront import COUNTERS, ROWS, make_wavefront
 
 _RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS
@@ -35,11 +35,20 @@ class Megakernel:
         made = compile_megakernel(scene_arguments(scene), gpu.capability, stack)
         self.kernel = Kernel(made.cubin, made.name)
         self._gpu = gpu
+        # On tiny scenes lanes stay closer together when each keeps to its pixel (measured).
+        self._shares = bool(scene.features.mask & WIDE_TREE)
+        self._counters = DeviceArray(np.zeros(COUNTERS, np.uint32))
 
     def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> None:
         """Add the samples first .. last - 1 of every pixel to the film; returns when they are done."""
-        blocks = -(-int(view.film_width) // TILE_WIDTH), -(-int(view.film_height) // TILE_HEIGHT)
-        values = flatten_arguments((scene, view, film, np.int64(first), np.int64(last)))
+        items = -(-int(view.film_width) // 8) * 8 * (-(-int(view.film_height) // 4) * 4)
+        blocks = -(-items // BLOCK)
+        if self._shares:
+            blocks = min(blocks, self._gpu.multiprocessors * BLOCKS_PER_MULTIPROCESSOR)
+        # The lanes of the grid have one pixel each to begin with; the rest is for whoever is done first.
+        self._counters.upload(np.full(COUNTERS, blocks * BLOCK, np.uint32))
+        numbers = (np.int64(items), np.int64(first), np.int64(last))
+        values = pointers_to(flatten_arguments((scene, view, film, self._counters, *numbers)))
         self.kernel.launch(blocks, BLOCK, values)
         self._gpu.synchronize()
 
@@ -68,10 +77,21 @@ class Wavefront:
             self._run_slots(scene, view, film, base, min(slots, pixels - base), first, last)
 
     def _run_slots(self, scene: Any, view: Any, film: Any, base: int, slots: int, first: int, last: int) -> None:
+        # Packing the arguments takes longer than a stage, so it is done once for each of the two queues.
+        packed = [
+            pointers_to(
+                flatten_arguments(
+                    (
+                        *(scene, view, film, self._state, self._queue, self._counters),
+                        *(np.int64(number) for number in (base, slots, first, last, parity)),
+                    )
+                )
+            )
+            for parity in (0, 1)
+        ]
+
         def launch(name: str, threads: int, parity: int = 0) -> None:
-            numbers = (np.int64(base), np.int64(slots), np.int64(first), np.int64(last), np.int64(parity))
-            values = flatten_arguments((scene, view, film, self._state, self._queue, self._counters, *numbers))
-            self.kernels[name].launch((-(-threads // BLOCK), 1), BLOCK, values)
+            self.kernels[name].launch(-(-threads // BLOCK), BLOCK, packed[parity])
 
         counters = np.array([slots, 0, 0, 0], np.uint32)
         self._counters.upload(counters)
@@ -98,7 +118,8 @@ def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stac
         kernel, registers = make_vote(stack, 16 if rich else 8, 8, 2), 64 if rich else 56
     else:
         kernel, registers = make_refill(stack, 18), 64
-    return compile_cubin(kernel, (*scene, types.int64, types.int64), capability, registers)
+    arguments = (*scene, types.Array(types.uint32, 1, "C"), *([types.int64] * 3))
+    return compile_cubin(kernel, arguments, capability, registers)
 
 
 def compile_wavefront(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> dict[str, Compiled]:
