@@ -17,10 +17,18 @@ from typing import Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "lumipath.errors": ("DeviceError", "ImageError", "LumipathError", "LumipathWarning", "RenderError", "SceneError", "UsageError"),
+    "lumipath.errors": (
+        "DeviceError",
+        "ImageError",
+        "LumipathError",
+        "LumipathWarning",
+        "RenderError",
+        "SceneError",
+        "UsageError",
+    ),
     "lumipath.formats": ("load",),
-    "lumipath.render.image": ("Image",),
-    "lumipath.render.session": ("Progress", "Session", "render"),
+    "lumipath.rendering.image": ("Image",),
+    "lumipath.rendering.session": ("Progress", "Session", "render"),
     "lumipath.devices": ("list_devices",),
     "lumipath.scene": (
         "AmbientLight",

@@ -111,14 +111,19 @@ class RenderSettings:
         None, "CPU threads; every core that the process may use by default.", _optional(_integer(1, 4096))
     )
     kernel: str = _option(
-        "auto", "How a GPU is driven: whole paths in one kernel, or one kernel a stage.", _choice(KERNELS), choices=KERNELS
+        "auto",
+        "How a GPU is driven: whole paths in one kernel, or one kernel a stage.",
+        _choice(KERNELS),
+        choices=KERNELS,
     )
 
     def size(self, aspect: float) -> tuple[int, int]:
         """Width and height in pixels of the full image for a camera of this aspect ratio (width / height)."""
         height = self.height if self.height is not None else max(1, int(self.width / aspect + 0.5))
         if self.width * height > MAX_PIXELS:
-            raise UsageError(f"{self.width} x {height} pixels: at most {MAX_PIXELS} are possible; choose a smaller size")
+            raise UsageError(
+                f"{self.width} x {height} pixels: at most {MAX_PIXELS} are possible; choose a smaller size"
+            )
         return self.width, height
 
     def crop_of(self, width: int, height: int) -> tuple[int, int, int, int]:

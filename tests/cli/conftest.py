@@ -17,7 +17,7 @@ SOURCES = str(Path(package.__path__[0]).parent)
 @pytest.fixture
 def fake(monkeypatch):
     """A Session without kernels; returns the list of those that were made."""
-    monkeypatch.setitem(sys.modules, "lumipath.render.session", fake_session.as_module())
+    monkeypatch.setitem(sys.modules, "lumipath.rendering.session", fake_session.as_module())
     fake_session.MADE.clear()
     return fake_session.MADE
 

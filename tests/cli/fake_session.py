@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 
 from lumipath.errors import DeviceError, LumipathWarning
-from lumipath.render.image import Image
+from lumipath.rendering.image import Image
 from lumipath.settings import RenderSettings
 
 
@@ -48,7 +48,13 @@ class Session:
         self.build_seconds, self.compile_seconds = 0.1, float(os.environ.get("FAKE_COMPILE", 0.2))
         self.width, self.height = self.settings.size(scene.camera(self.settings.camera).aspect)
         self.samples = 0
+        self.restarts = []
         MADE.append(self)
+
+    def restart(self, seed):
+        self.settings = attrs.evolve(self.settings, seed=seed)
+        self.restarts.append(self.settings)
+        self.samples = 0
 
     def __iter__(self):
         fault = os.environ.get("FAKE_FAULT")
@@ -74,13 +80,13 @@ class Session:
 
 
 def as_module():
-    module = types.ModuleType("lumipath.render.session")
+    module = types.ModuleType("lumipath.rendering.session")
     module.Session, module.Progress = Session, Progress
     return module
 
 
 if __name__ == "__main__":
-    sys.modules["lumipath.render.session"] = as_module()
+    sys.modules["lumipath.rendering.session"] = as_module()
     # A shell that starts tests in the background has them ignore Ctrl-C.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     from lumipath.cli import main

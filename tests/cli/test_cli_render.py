@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from lumipath.render.image import Image
+from lumipath.rendering.image import Image
 from lumipath.settings import RenderSettings
 
 

@@ -122,10 +122,9 @@ class TestThroughput:
 
     def test_repeats_differ_by_seed_only_and_have_no_roulette(self, lumipath, fake):
         lumipath("bench", "throughput", "bench-cornell", "-s", 4, "-w", 4, "--repeat", 2, "--threads", 1)
-        warm_up, *repeats = (session.settings for session in fake)
-        assert warm_up.spp == 1
-        assert [settings.seed for settings in repeats] == [0, 1]
-        for settings in repeats:
+        (session,) = fake
+        assert [settings.seed for settings in session.restarts] == [0, 1]
+        for settings in session.restarts:
             assert (settings.spp, settings.max_depth, settings.rr_depth, settings.threads) == (4, 5, None, 1)
 
     def test_depth_can_be_chosen(self, lumipath, fake):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lumipath.errors import ImageError, UsageError
-from lumipath.render.image import SUFFIXES, Image, check_writable
+from lumipath.rendering.image import SUFFIXES, Image, check_writable
 
 METADATA = {"samples": 64, "seed": (1 << 32) - 1, "seconds": 1.5, "version": "0.1.0", "scene": "a box", "device": "cpu"}
 
@@ -153,7 +153,7 @@ class TestSaving:
         # A limit on the size of files stands for the full disk; it needs a process of its own.
         code = (
             "import resource, signal, sys, numpy as np\n"
-            "from lumipath.render.image import Image\n"
+            "from lumipath.rendering.image import Image\n"
             "from lumipath.errors import ImageError\n"
             "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
             "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"

@@ -19,7 +19,7 @@ LAYERS = (
     ("accel",),
     ("pack",),
     ("devices",),
-    ("render",),
+    ("rendering",),
     ("bench",),
     ("cli",),
     ("__main__",),
@@ -103,6 +103,6 @@ def test_only_lang_knows_the_compiler(module):
 
 def test_this_test_sees_imports():
     assert "accel.trace8" in [name for name, _ in inner_imports("accel.packets")]
-    assert "render.session" in [name for name, _ in inner_imports("cli.render")]
+    assert "rendering.session" in [name for name, _ in inner_imports("cli.render")]
     assert any(name.startswith("numba.core") for name, _ in imports_of("lang.kernel"))
     assert "llvmlite.binding" in [name for name, _ in imports_of("cli.devices")]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lumipath.errors import UsageError
-from lumipath.render.tonemap import decode_srgb, encode_srgb, to_display
+from lumipath.rendering.tonemap import decode_srgb, encode_srgb, to_display
 from lumipath.settings import TONEMAPS
 
 GREYS = np.repeat(np.geomspace(1e-6, 1e6, 5000, dtype=np.float32)[:, None], 3, axis=1)

@@ -1,4 +1,4 @@
-"""The GPU's trees: binary nodes for small scenes, 4-wide nodes with 8-bit boxes for large ones, and single triangles."""
+"""The GPU's trees: binary nodes for small scenes, 4-wide nodes with 8-bit boxes for large ones, triangles."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ..lang import aligned, compiled
 from .build import BinaryTree
 
 MAX_LEAF = 4
+
 
 class TreeGPU(NamedTuple):
     """A tree and its triangles.
@@ -160,14 +161,18 @@ def _wide_nodes(lower, upper, child, first, count, nodes):
 
 
 def _triangles(
-    order: NDArray[np.int32], vertices: NDArray[np.float32], faces: NDArray[np.int32], two_sided: NDArray[np.bool_]
+    order: NDArray[np.int32],
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.int32],
+    two_sided: NDArray[np.bool_],
+    solid: NDArray[np.bool_],
 ) -> NDArray[np.float32]:
-    """The records of all primitives, in the order of the leaves."""
+    """The records of all primitives, in the order of the leaves; what has no area gets corners at 0."""
     rows = np.zeros((len(order), 12), np.float32)
     is_triangle = order < len(faces)
     numbers = order[is_triangle]
     for corner in range(3):
-        rows[is_triangle, 4 * corner : 4 * corner + 3] = vertices[faces[numbers, corner]]
+        rows[is_triangle, 4 * corner : 4 * corner + 3] = vertices[faces[numbers, corner]] * solid[numbers, None]
     rows.view(np.int32)[:, 3] = order
     rows[is_triangle, 7] = two_sided[numbers]
     rows[~is_triangle, 7] = 2.0
@@ -179,6 +184,7 @@ def gpu_tree(
     vertices: NDArray[np.float32],
     faces: NDArray[np.int32],
     two_sided: NDArray[np.bool_],
+    solid: NDArray[np.bool_],
     *,
     wide: bool,
 ) -> tuple[TreeGPU, int]:
@@ -189,9 +195,10 @@ def gpu_tree(
         vertices: (V, 3) positions.
         faces: (T, 3) vertex numbers; primitives from T on are quadrics.
         two_sided: (T,) whether a triangle is seen from behind.
+        solid: (T,) whether a triangle has an area; without one it is never hit.
         wide: 4-wide with 8-bit boxes instead of binary.
     """
-    triangles = aligned(_triangles(tree.order, vertices, faces, two_sided))
+    triangles = aligned(_triangles(tree.order, vertices, faces, two_sided, solid))
     size = max(1, len(tree.child) // 2 + 1)
     nodes = np.zeros((size, 16), np.float32)
     if tree.child[0] < 0:

@@ -26,8 +26,8 @@ class BVH8(NamedTuple):
 
     nodes: (N, 64) float32: lower x of 8 children, upper x, lower y, upper y, lower z, upper z, then 8 links as bits and
         8 unused. A link is the number of a node, -1 for no child, or -2 - g for the group g.
-    groups: (G, 80) float32: for the 8 primitives of a leaf the x of the first corner, y, z, x of the second corner, ...,
-        z of the third, then 8 primitive numbers as bits: -1 for none, `TWO_SIDED` set where it holds. A quadric has a
+    groups: (G, 80) float32: for the 8 primitives of a leaf the x of the first corner, y, z, x of the second, ..., z of
+        the third, then 8 primitive numbers as bits: -1 for none, `TWO_SIDED` set where it holds. A quadric has a
         triangle without area, which nothing hits.
     bounds: (8,) float32: the lower corner of everything and 0, then cells per metre along each axis and 0, where
         `CELLS` cells span everything.
@@ -98,8 +98,8 @@ def _sort_by_octant(lower, upper, node, children, count, slots):
 
 
 @compiled
-def _write_group(group, numbers, order, first, count, vertices, faces, two_sided):
-    """Corners and numbers of a leaf's primitives; what is not a triangle gets corners at 0."""
+def _write_group(group, numbers, order, first, count, vertices, faces, two_sided, solid):
+    """Corners and numbers of a leaf's primitives; what is no triangle, or has no area, gets corners at 0."""
     for k in range(8):
         numbers[k] = EMPTY
     for k in range(72):
@@ -110,13 +110,15 @@ def _write_group(group, numbers, order, first, count, vertices, faces, two_sided
             numbers[k] = p | TWO_SIDED
             continue
         numbers[k] = p | TWO_SIDED if two_sided[p] else p
+        if not solid[p]:
+            continue
         for corner in range(3):
             for axis in range(3):
                 group[24 * corner + 8 * axis + k] = vertices[faces[p, corner], axis]
 
 
 @compiled
-def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided, nodes, groups):
+def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided, solid, nodes, groups):
     """Fill nodes and groups, depth first; returns how many of each."""
     links = nodes.view(np.int32)
     numbers = groups.view(np.int32)
@@ -153,14 +155,26 @@ def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided,
             else:
                 links[row, 48 + slot] = -2 - group_count
                 _write_group(
-                    groups[group_count], numbers[group_count, 72:], order, first[c], count[c], vertices, faces, two_sided
+                    groups[group_count],
+                    numbers[group_count, 72:],
+                    order,
+                    first[c],
+                    count[c],
+                    vertices,
+                    faces,
+                    two_sided,
+                    solid,
                 )
                 group_count += 1
     return node_count, group_count
 
 
 def widen(
-    tree: BinaryTree, vertices: NDArray[np.float32], faces: NDArray[np.int32], two_sided: NDArray[np.bool_]
+    tree: BinaryTree,
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.int32],
+    two_sided: NDArray[np.bool_],
+    solid: NDArray[np.bool_],
 ) -> BVH8:
     """The 8-wide tree of a binary one.
 
@@ -169,11 +183,12 @@ def widen(
         vertices: (V, 3) positions.
         faces: (T, 3) vertex numbers of the triangles; primitives from T on are quadrics.
         two_sided: (T,) whether a triangle is seen from behind.
+        solid: (T,) whether a triangle has an area; without one it is never hit.
     """
     size = len(tree.child) // 2 + 1
     nodes = np.empty((size, NODE_SIZE), np.float32)
     groups = np.empty((size, GROUP_SIZE), np.float32)
-    node_count, group_count = _widen(*tree, vertices, faces, two_sided, nodes, groups)
+    node_count, group_count = _widen(*tree, vertices, faces, two_sided, solid, nodes, groups)
     return BVH8(aligned(nodes[:node_count]), aligned(groups[:group_count]), _sorting_grid(tree))
 
 

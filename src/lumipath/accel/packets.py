@@ -34,6 +34,7 @@ from ..pack.layout import CULLING, QUADRICS
 from .bvh8 import CELLS, GROUP_SIZE, NODE_SIZE, PRIMITIVE_MASK, TWO_SIDED
 from .slabs import WIDER
 from .trace8 import trace_slot
+from .triangles8 import sheared_distance
 
 WIDTH = 16 if llvm.get_host_cpu_features().get("avx512f") else 8
 """Rays in a packet: one register of the widest kind."""
@@ -183,8 +184,15 @@ def try_quadric(scene, number, rays, order, at, active, t, slot, group, k):
 
 @kernel(precise=True)
 def edge(ax, ay, bx, by):
-    """Edge function of two sheared corners, never fused, so that the other side of an edge gets exactly its negative."""
+    """Edge function of two corners, never fused, so that the other side of an edge gets exactly its negative."""
     return ax * by - ay * bx
+
+
+@kernel(precise=True)
+def lane_shear(dx, dy, dz):
+    """The shear that makes the rays of a run the z axis, rounded as in `shear_of`."""
+    sz = 1.0 / dz
+    return -1.0 * (dx * sz), -1.0 * (dy * sz), sz
 
 
 @kernel
@@ -238,9 +246,7 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
     soz = ox if pz == 0 else (oy if pz == 8 else oz)
     sdx = dx if px == 0 else (dy if px == 8 else dz)
     sdy = dx if py == 0 else (dy if py == 8 else dz)
-    sz = 1.0 / (dx if pz == 0 else (dy if pz == 8 else dz))
-    sx = -1.0 * sdx * sz
-    sy = -1.0 * sdy * sz
+    sx, sy, sz = lane_shear(sdx, sdy, dx if pz == 0 else (dy if pz == 8 else dz))
     backwards = ((octant & 4) if axis == 0 else ((octant & 2) if axis == 1 else (octant & 1))) != 0
 
     links = stack_ints(456)
@@ -303,7 +309,7 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
                 w = edge(bx0, by0, ax, ay)
                 hit = on & visible_side(scene, number, backwards, u, v, w)
                 if bits(hit) != 0:
-                    distance = fused(u, az, fused(v, bz0, w * cz)) * sz / (u + v + w)
+                    distance = sheared_distance(u, v, w, az, bz0, cz, sz)
                     hit = hit & (distance > 0.0) & (distance < t)
                     slot = select(hit, i32(group * 8 + k), slot)
                     if any_hit:

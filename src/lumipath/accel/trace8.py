@@ -8,7 +8,6 @@ from ..lang import (
     INF,
     as_int,
     count_bits,
-    f32,
     get,
     i32,
     kernel,
@@ -29,7 +28,6 @@ index8 = Simd(8).index
 _NODE = i32(NODE_SIZE)
 _GROUP = i32(GROUP_SIZE)
 _PRIMITIVE = i32(PRIMITIVE_MASK)
-
 
 
 @kernel

@@ -39,7 +39,7 @@ def component(v, axis):
     return v.x if axis == 0 else (v.y if axis == 1 else v.z)
 
 
-@kernel
+@kernel(precise=True)
 def shear_of(o, d):
     """The longest axis of the direction becomes z; the other two keep their handedness."""
     ax = abs(d.x)
@@ -82,6 +82,13 @@ def inside(scene, groups, base, u, v, w):
 
 
 @kernel(precise=True)
+def sheared_distance(u, v, w, az, bz, cz, sz):
+    """Distance to the plane of a triangle by its edge functions, rounded alike for single rays and packets."""
+    # A triangle without area divides 0 by 0, and NaN fails the comparisons.
+    return fused(u, az, fused(v, bz, w * cz)) * sz / (u + v + w)
+
+
+@kernel(precise=True)
 def hit_group(scene, groups, group, ray, tmax):
     """One ray, as its `Shear`, against the triangles of a group: lanes that are hit in (0, tmax), and distances."""
     base = group * _GROUP
@@ -97,6 +104,5 @@ def hit_group(scene, groups, group, ray, tmax):
     u = cx * by - cy * bx
     v = ax * cy - ay * cx
     w = bx * ay - by * ax
-    # A triangle without area divides 0 by 0, and NaN fails the comparisons.
-    t = fused(u, az, fused(v, bz, w * cz)) * ray.sz / (u + v + w)
+    t = sheared_distance(u, v, w, az, bz, cz, ray.sz)
     return inside(scene, groups, base, u, v, w) & (t > 0.0) & (t < tmax), t

@@ -220,7 +220,7 @@ def node_step(scene, walk, stack):
 
 @kernel
 def edge(ax, ay, bx, by):
-    """Edge function of two sheared corners, never fused, so that the other side of an edge gets exactly its negative."""
+    """Edge function of two corners, never fused, so that the other side of an edge gets exactly its negative."""
     return exact_sub(exact_mul(ax, by), exact_mul(ay, bx))
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import statistics
 from typing import TYPE_CHECKING, Any
 
-import attrs
 from attrs import asdict, frozen
 
 from ..errors import RenderError
 from ..settings import RenderSettings
 
 if TYPE_CHECKING:
-    from ..render.session import Session
+    from ..rendering.session import Session
     from ..scene import Scene
 
 # Five bounces and no roulette: what the published figures of other renderers are for.
@@ -49,7 +48,7 @@ def measure(
     device: str = "auto",
     repeat: int = 3,
 ) -> Throughput:
-    """Render `scene` `repeat` times with different seeds, after one sample per pixel of warm-up that does not count.
+    """Render `scene` `repeat` times with different seeds, after a first look at the image that does not count.
 
     Args:
         scene: what to render.
@@ -60,11 +59,12 @@ def measure(
     Raises:
         LumipathError: whatever `Session` raises.
     """
-    from ..render.session import Session
+    from ..rendering.session import Session
 
-    session = Session(scene, attrs.evolve(settings, spp=1), device=device)
-    _render_all(session)
-    session.settings = settings
+    session = Session(scene, settings, device=device)
+    # What is slow only once: first touch of memory, loading of code.
+    for _ in session:
+        break
     speeds, means = [], []
     for seed in range(settings.seed, settings.seed + repeat):
         session.restart(seed)

@@ -17,7 +17,7 @@ from ..settings import PROGRESS_MODES
 from ._terminal import one_line, write
 
 if TYPE_CHECKING:
-    from ..render.session import Progress
+    from ..rendering.session import Progress
 
 _LINE_INTERVAL = 2.0
 

@@ -13,16 +13,16 @@ import typer
 
 from ..errors import UsageError
 from ..settings import PROGRESS_MODES, RenderSettings
-from ._progress import Reporter, Summary, make_reporter
 from ._device import DeviceOption, GpuFlag, device_from
+from ._progress import Reporter, Summary, make_reporter
 from ._scene import DEFAULT_SCENE, SceneArgument, open_scene, scene_stem
 from ._settings import from_definitions, from_flags, from_size, settings_from, with_setting_flags
 from ._signals import exit_code
 from ._terminal import show_error
 
 if TYPE_CHECKING:
-    from ..render.image import Image
-    from ..render.session import Progress, Session
+    from ..rendering.image import Image
+    from ..rendering.session import Progress, Session
     from ..scene import Scene
 
 _SLOW = 2.0
@@ -63,7 +63,7 @@ def render(
 
     Ctrl-C stops: what was rendered until then is written.
     """
-    from ..render.image import check_writable
+    from ..rendering.image import check_writable
 
     settings = settings_from([*from_flags(flags), *from_size(size), *from_definitions(define or [])])
     target = output or Path(scene_stem(scene) + ".png")
@@ -102,7 +102,7 @@ def _told_if_slow(reporter: Reporter, text: str) -> Iterator[None]:
 
 def _prepare(scene: Scene, settings: RenderSettings, device: str, reporter: Reporter, verbose: bool) -> Session:
     """Everything before the first sample, with a word about what took long."""
-    from ..render.session import Session
+    from ..rendering.session import Session
 
     with _told_if_slow(reporter, "preparing the scene and compiling kernels (first run only) ..."):
         session = Session(scene, settings, device=device)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Generator
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from functools import cache
 from pathlib import Path
@@ -58,7 +58,7 @@ class CpuDevice:
         geometry = packed.geometry
         lower, upper = geometry.bounds()
         tree = build_tree(lower, upper, max_leaf=WIDTH, block=WIDTH, threads=self.threads)
-        accel = widen(tree, geometry.vertices, geometry.faces, geometry.two_sided)
+        accel = widen(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid())
         return packed.scene._replace(accel=accel)
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
@@ -73,7 +73,7 @@ class CpuDevice:
         whole = int(BATCH // TILE_PIXELS)
         return next((stop for stop in (1, 4) if done < stop), (done // whole + 1) * whole)
 
-    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Iterator[int]:
+    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
         """Bring every pixel of the film up to `last` samples; see `Device.render`."""
         control = np.zeros(4, np.int64)
         work: list[Future[None]] = []

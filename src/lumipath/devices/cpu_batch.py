@@ -216,7 +216,7 @@ def connect(batch, shadows):
 
 @kernel(precise=True)
 def two_sum(a, b):
-    """a + b rounded, and what the rounding lost, exactly (Knuth 1969, TAOCP 2, 4.2.2)."""
+    """A + b rounded, and what the rounding lost, exactly (Knuth 1969, TAOCP 2, 4.2.2)."""
     s = a + b
     c = s - a
     return s, (a - (s - c)) + (b - c)
@@ -332,5 +332,3 @@ def render_tiles(scene, view, film, batch, control, last):
             fetch_add(control, REJECTED, rejected)
             first += samples
         fetch_add(control, FINISHED_TILES, 1)
-
-

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import Any, Protocol
 
 from attrs import field, frozen
@@ -36,7 +36,7 @@ class Device(Protocol):
     def next_stop(self, done: int, pixels: int) -> int:
         """Up to how many samples per pixel the next pass should go after `done` of them."""
 
-    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Iterator[int]:
+    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
         """Bring every pixel of the film up to `last` samples.
 
         Yields several times a second the number of samples that were not finite since the last time. Closing the

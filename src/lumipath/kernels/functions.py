@@ -7,9 +7,9 @@ from ..lang import as_float, f32, i32, kernel, sqrt
 
 @kernel
 def cos_sin_turn(u):
-    """cos and sin of 2 pi u for u in [0, 1]; absolute error below 3e-7.
+    """Cos and sin of 2 pi u for u in [0, 1]; absolute error below 3e-7.
 
-    The quadrant is split off, the rest is a minimax polynomial on [-pi/4, pi/4] (the coefficients of Cephes' sinf, cosf).
+    The quadrant is split off; the rest is a minimax polynomial on [-pi/4, pi/4] (coefficients of Cephes' sinf, cosf).
     """
     k = i32(u * 4.0 + 0.5)
     x = (u * 4.0 - f32(k)) * 1.5707963
@@ -33,9 +33,10 @@ def floor_int(x):
 @kernel
 def exp_minus(x):
     """exp(-x) for x >= 0; relative error below 2e-7; 0 for x above 87."""
-    y = min(x, 88.0) * -1.442695
-    k = i32(y - 0.5)
-    r = (y - f32(k)) * 0.6931472
+    y = min(x, 88.0)
+    k = i32(y * -1.442695 - 0.5)
+    # ln 2 in two parts, so that no digits of a large x are lost (Cody and Waite 1980).
+    r = (-y - f32(k) * 0.693359375) + f32(k) * 2.12194440e-4
     # Taylor series of exp on [-0.35, 0.35], enough for float32.
     p = 1.0 + r * (1.0 + r * (0.5 + r * (0.16666667 + r * (0.041666668 + r * (0.008333334 + r * 0.0013888889)))))
     return p * as_float((k + 127) << 23) if x < 87.0 else f32(0.0)
@@ -45,7 +46,7 @@ def exp_minus(x):
 def atan2_turn(y, x):
     """The angle of (x, y) in turns, from 0 to 1; absolute error below 1e-6.
 
-    atan on [0, 1] is the odd minimax polynomial of degree 15 (Abramowitz and Stegun 1964, 4.4.49), extended by symmetry.
+    atan on [0, 1] is an odd minimax polynomial (Abramowitz and Stegun 1964, 4.4.49), extended by symmetry.
     """
     ax = abs(x)
     ay = abs(y)
@@ -58,7 +59,10 @@ def atan2_turn(y, x):
         * (
             0.1999355085
             + s
-            * (-0.1420889944 + s * (0.1065626393 + s * (-0.0752896400 + s * (0.0429096138 + s * (-0.0161657367 + s * 0.0028662257)))))
+            * (
+                -0.1420889944
+                + s * (0.1065626393 + s * (-0.0752896400 + s * (0.0429096138 + s * (-0.0161657367 + s * 0.0028662257))))
+            )
         )
     )
     a = r * p * 0.15915494

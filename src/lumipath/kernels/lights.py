@@ -38,7 +38,6 @@ from .sampler import choice_numbers
 from .vectors import black, dot, max_abs_component, normalize, xyz
 from .warps import uniform_triangle
 
-
 # Light that leaves a surface at a lesser cosine than this is left to the other strategy.
 GRAZING = f32(1e-6)
 
@@ -68,7 +67,7 @@ def light_row(scene, light, part):
 
 @kernel
 def in_front(p, n, reach, o):
-    """A point of a light moved towards the side that o is on, so that a shadow ray to it does not hit the light itself."""
+    """A point of a light, moved to the side that o is on: a shadow ray to it does not hit the light itself."""
     moved = (max_abs_component(p) + reach) * TARGET_OFFSET
     return p + n * (moved if dot(n, o - p) >= 0.0 else -moved)
 

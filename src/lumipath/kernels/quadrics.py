@@ -45,13 +45,22 @@ def quadric_at(quadrics, index):
     return Quadric(xyz(x), xyz(y), xyz(z), Vec3(x[3], y[3], z[3]), as_int(shape[0]), shape[1], shape[2], shape[3])
 
 
-@kernel
+# Distances are rounded as written, so that a ray meets a quadric at the same bits wherever the code is inlined.
+
+
+@kernel(precise=True)
+def plain_dot(a, b):
+    """Scalar product, each operation rounded by itself."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+@kernel(precise=True)
 def vector_to_object(q, v):
     """A world direction in object space."""
-    return Vec3(dot(q.x, v), dot(q.y, v), dot(q.z, v))
+    return Vec3(plain_dot(q.x, v), plain_dot(q.y, v), plain_dot(q.z, v))
 
 
-@kernel
+@kernel(precise=True)
 def point_to_object(q, p):
     """A world point in object space."""
     return vector_to_object(q, p) + q.translation
@@ -69,14 +78,14 @@ def area_scale(q, n):
     return length(normal_to_world(q, n)) / abs(dot(q.x, cross(q.y, q.z)))
 
 
-@kernel
+@kernel(precise=True)
 def sphere_distance(o, d, tmax):
     """Nearest t in (0, tmax) with |o + t d| = 1, else infinity."""
     # From the point nearest to the centre no digits cancel (Haines et al. 2019, Ray Tracing Gems, chapter 7).
-    dd = dot(d, d)
-    middle = -dot(o, d) / dd
+    dd = plain_dot(d, d)
+    middle = -plain_dot(o, d) / dd
     nearest = o + d * middle
-    rest = 1.0 - dot(nearest, nearest)
+    rest = 1.0 - plain_dot(nearest, nearest)
     if not rest >= 0.0:
         return INF
     half = sqrt(rest / dd)
@@ -86,16 +95,16 @@ def sphere_distance(o, d, tmax):
     return t if (t > 0.0) & (t < tmax) else INF
 
 
-@kernel
+@kernel(precise=True)
 def disc_distance(o, d, height, radius, tmax):
-    """t in (0, tmax) where the ray meets the disc at z = height around the z axis, else infinity."""
+    """T in (0, tmax) where the ray meets the disc at z = height around the z axis, else infinity."""
     t = (height - o.z) / d.z
     x = o.x + d.x * t
     y = o.y + d.y * t
     return t if (t > 0.0) & (t < tmax) & (x * x + y * y <= radius * radius) else INF
 
 
-@kernel
+@kernel(precise=True)
 def mantle_root(o, d, height, middle, t, tmax):
     """`middle + t` if it is in (0, tmax) and the point at t lies between the ends of the cone, else infinity."""
     z = o.z + d.z * t
@@ -103,12 +112,12 @@ def mantle_root(o, d, height, middle, t, tmax):
     return world if (world > 0.0) & (world < tmax) & (z >= 0.0) & (z <= height) else INF
 
 
-@kernel
+@kernel(precise=True)
 def cone_distance(q, o, d, tmax):
     """Nearest t in (0, tmax) on the mantle or a cap, else infinity."""
     best = tmax
     # Again from the point nearest to the centre.
-    middle = -(dot(o, d) - 0.5 * q.height * d.z) / dot(d, d)
+    middle = -(plain_dot(o, d) - 0.5 * q.height * d.z) / plain_dot(d, d)
     near = o + d * middle
     slope = (q.top - q.bottom) / q.height
     radius = q.bottom + slope * near.z
@@ -128,7 +137,7 @@ def cone_distance(q, o, d, tmax):
     return best if best < tmax else INF
 
 
-@kernel
+@kernel(precise=True)
 def quadric_distance(quadrics, index, o, d, tmax):
     """Nearest t in (0, tmax) where the world ray meets quadric `index`, else infinity."""
     q = quadric_at(quadrics, index)

@@ -37,7 +37,9 @@ def bilinear(scene, texture, u, v):
     upper = wrapped(row, height, clamp) * width + first
     lower = wrapped(row + 1, height, clamp) * width + first
     top = xyz(load4(scene.texels, (upper + left) * 4)) * (1.0 - fx) + xyz(load4(scene.texels, (upper + right) * 4)) * fx
-    bottom = xyz(load4(scene.texels, (lower + left) * 4)) * (1.0 - fx) + xyz(load4(scene.texels, (lower + right) * 4)) * fx
+    bottom = (
+        xyz(load4(scene.texels, (lower + left) * 4)) * (1.0 - fx) + xyz(load4(scene.texels, (lower + right) * 4)) * fx
+    )
     return top * (1.0 - fy) + bottom * fy
 
 

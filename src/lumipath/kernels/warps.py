@@ -54,8 +54,8 @@ def uniform_sphere(u, v):
 def uniform_triangle(u, v):
     """Barycentric coordinates of a point with uniform density: the weights of the second and third corner.
 
-    The square is folded along its diagonal, which keeps well spread points well spread (Heitz 2019, A Low-Distortion Map
-    Between Triangle and Square).
+    The square is folded along its diagonal, which keeps well spread points well spread (Heitz 2019, A Low-Distortion
+    Map Between Triangle and Square).
     """
     if v > u:
         a = u * 0.5

@@ -79,7 +79,7 @@ def _overload_options(precise: bool) -> dict[str, Any]:
     return _KERNEL_OPTIONS | {"forceinline": True, "fastmath": False if precise else set(_FASTMATH)}
 
 
-def entry(function: FunctionType) -> Callable[..., Any]:
+def entry(function: Any) -> Callable[..., Any]:
     """A function that worker threads call without holding Python's lock: kept on disk once compiled."""
     single_precision(function)
     if DEBUG_PYTHON:
@@ -89,7 +89,7 @@ def entry(function: FunctionType) -> Callable[..., Any]:
     return dispatcher
 
 
-def compiled(function: FunctionType) -> Callable[..., Any]:
+def compiled(function: Any) -> Callable[..., Any]:
     """Host code that is worth compiling (tree building): exact arithmetic, arrays may be allocated, kept on disk."""
     if DEBUG_PYTHON:
         return function
@@ -118,12 +118,13 @@ def explain(name: str, message: str) -> str:
     """One line from Numba's many: the innermost place and the first sentence that says what is wrong."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", message)
     places = re.findall(r'File "([^"]+)", line (\d+)', plain)
-    place = f"{places[-1][0]}:{places[-1][1]}" if places else "unknown place"
+    place = f"{places[0][0]}:{places[0][1]}" if places else "unknown place"
     kernels = re.findall(r"CPUDispatcher\(<function (\S+) at", plain)
     reasons = [
         line.strip()
         for line in plain.splitlines()
-        if line.strip() and not re.match(r"(Failed in|During:|There are|- Of|Overload of|File |<source|\s*\^|def )", line.strip())
+        if line.strip()
+        and not re.match(r"(Failed in|During:|There are|- Of|Overload of|File |<source|\s*\^|def )", line.strip())
     ]
     reason = next((r for r in reasons if not r.startswith(("Type of", "[1]"))), reasons[0] if reasons else "unknown")
-    return f"kernel {kernels[-1] if kernels else name} does not compile at {place}: {reason}"
+    return f"kernel {kernels[0] if kernels else name} does not compile at {place}: {reason}"

@@ -74,7 +74,9 @@ def _lanes_among(kinds: tuple[types.Type, ...]) -> Lanes | None:
 Emit = Callable[[ir.IRBuilder, bool, ir.Value, ir.Value], ir.Value]
 
 
-def _operator(operation: Any, emit: Emit, *, compares: bool = False, elements: Any = (types.float32, types.int32)) -> None:
+def _operator(
+    operation: Any, emit: Emit, *, compares: bool = False, elements: Any = (types.float32, types.int32)
+) -> None:
     class Rule(AbstractTemplate):
         key = operation
 

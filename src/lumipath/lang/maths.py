@@ -67,7 +67,9 @@ def _exact(name: str, python: Any, instruction: str, ptx: str, symbol: str) -> A
         return types.float32, emit
 
     rule.__name__ = rule.__qualname__ = name
-    rule.__doc__ = f"x {symbol} y, rounded once and never fused or reordered, whatever the caller's floating-point mode."
+    rule.__doc__ = (
+        f"x {symbol} y, rounded once and never fused or reordered, whatever the caller's floating-point mode."
+    )
     return intrinsic(python)(rule)
 
 

@@ -35,7 +35,9 @@ def aligned(array: np.ndarray) -> np.ndarray:
     return copy
 
 
-def element_pointer(context: Any, builder: ir.IRBuilder, kind: types.Type, array: Any, index: Any, index_type: Any) -> Any:
+def element_pointer(
+    context: Any, builder: ir.IRBuilder, kind: types.Type, array: Any, index: Any, index_type: Any
+) -> Any:
     """Address of `array.flat[index]`; `array` is a contiguous array or a stack array."""
     data = array if isinstance(kind, types.CPointer) else context.make_array(kind)(context, builder, array).data
     return builder.gep(data, [context.cast(builder, index, index_type, types.intp)])
@@ -202,7 +204,9 @@ def _stack_array(name: str, element: types.Type, llvm: ir.Type, python_type: Any
         return types.CPointer(element), emit
 
     rule.__name__ = rule.__qualname__ = name
-    rule.__doc__ = f"`count` {element}, uninitialised, on the stack; `count` is a literal. Read and written by get, put."
+    rule.__doc__ = (
+        f"`count` {element}, uninitialised, on the stack; `count` is a literal. Read and written by get, put."
+    )
     return intrinsic(lambda count: np.zeros(count, python_type))(rule)
 
 

@@ -19,7 +19,6 @@ DEBUG_PYTHON = os.environ.get("LUMIPATH_DEBUG_PYTHON", "0") not in ("", "0")
 """Run kernels as plain Python instead of compiling them."""
 
 
-
 def quiet_arithmetic() -> None:
     """In plain Python, let this thread wrap around and divide by 0 without a warning, as compiled kernels do."""
     if DEBUG_PYTHON:

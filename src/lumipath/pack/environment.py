@@ -26,7 +26,13 @@ class EnvironmentTable:
 def no_environment() -> EnvironmentTable:
     """Empty tables."""
     return EnvironmentTable(
-        np.zeros((0, 4), np.float32), np.zeros((0, 2), np.float32), np.zeros((0, 2), np.float32), np.zeros(12, np.float32), 1, 1, 0.0
+        np.zeros((0, 4), np.float32),
+        np.zeros((0, 2), np.float32),
+        np.zeros((0, 2), np.float32),
+        np.zeros(12, np.float32),
+        1,
+        1,
+        0.0,
     )
 
 

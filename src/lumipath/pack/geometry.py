@@ -40,6 +40,10 @@ class Geometry:
         unit = np.divide(normals, doubled[:, None], out=np.zeros_like(normals), where=doubled[:, None] > 0)
         return unit, doubled * 0.5
 
+    def solid(self) -> NDArray[np.bool_]:
+        """Whether each face has an area, (T,)."""
+        return self.face_normals()[1] > 0
+
     def reach(self) -> NDArray[np.float64]:
         """Greatest coordinate of each primitive, (P,): what the rounding of a hit grows with."""
         corners = np.abs(self.vertices).max(axis=1) if len(self.vertices) else np.zeros(0)
@@ -48,8 +52,12 @@ class Geometry:
 
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Lower and upper corners of the boxes around all primitives, each (P, 3) float32."""
-        lower = np.minimum(np.minimum(*(self.vertices[self.faces[:, k]] for k in (0, 1))), self.vertices[self.faces[:, 2]])
-        upper = np.maximum(np.maximum(*(self.vertices[self.faces[:, k]] for k in (0, 1))), self.vertices[self.faces[:, 2]])
+        lower = np.minimum(
+            np.minimum(*(self.vertices[self.faces[:, k]] for k in (0, 1))), self.vertices[self.faces[:, 2]]
+        )
+        upper = np.maximum(
+            np.maximum(*(self.vertices[self.faces[:, k]] for k in (0, 1))), self.vertices[self.faces[:, 2]]
+        )
         if not self.quadrics:
             return lower, upper
         boxes = np.array([quadric_box(shape) for shape in self.quadrics])

@@ -37,7 +37,7 @@ SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
 
 # ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), then as bits the material's number (24) and
-#      the exponent of the primitive's greatest coordinate (8) ----------------------------------------------------------
+#      the exponent of the primitive's greatest coordinate (8)
 PRIMITIVE_SIZE = i32(4)
 MATERIAL_MASK = i32((1 << 24) - 1)
 REACH_SHIFT = i32(24)
@@ -79,7 +79,7 @@ DIRECTIONAL_LIGHT = i32(3)
 ENVIRONMENT_LIGHT = i32(4)
 
 # ---- environment: 4 floats a texel: radiance rgb, density per solid angle times sin(theta). Rows and cells are alias
-#      tables of 2 floats: threshold, other index as bits; first the row is drawn, then the cell in it --------------------
+#      tables of 2 floats: threshold, other index as bits; first the row is drawn, then the cell in it
 
 
 class PackedScene(NamedTuple):

@@ -159,5 +159,3 @@ def scene_radius(geometry: Geometry) -> float:
         return 1.0
     diagonal = float(np.linalg.norm(upper.max(axis=0).astype(np.float64) - lower.min(axis=0)))
     return max(diagonal / 2, 1e-12)
-
-

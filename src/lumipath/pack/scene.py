@@ -49,7 +49,9 @@ def pack_scene(scene: Scene) -> Packed:
     lights = collect_lights(scene, geometry, table, scene_radius(geometry), environment.mean)
     features = geometry.features | table.features() | lights.features
     if len(table.materials) > int(layout.MATERIAL_MASK):
-        raise SceneError(f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible")
+        raise SceneError(
+            f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible"
+        )
     rows = table.rows()
     textures, texels = table.textures()
     has_vertex_data = bool(features & layout.VERTEX_DATA)
@@ -65,7 +67,9 @@ def pack_scene(scene: Scene) -> Packed:
         vertex_materials=aligned(
             geometry.vertex_materials if features & layout.BLENDED_MATERIALS else np.zeros(0, np.int32)
         ),
-        emitter_density=aligned(lights.emitter_density if features & layout.SURFACE_LIGHTS else np.zeros(0, np.float32)),
+        emitter_density=aligned(
+            lights.emitter_density if features & layout.SURFACE_LIGHTS else np.zeros(0, np.float32)
+        ),
         quadrics=aligned(geometry.quadric_rows),
         materials=aligned(rows),
         textures=aligned(textures),

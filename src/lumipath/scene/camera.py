@@ -12,12 +12,9 @@ from ..errors import SceneError
 from .values import float_array
 
 
-def _vector(name: str) -> Any:
-    def convert(value: Any) -> tuple[float, float, float]:
-        x, y, z = float_array(value, (3,), f"camera: {name}").tolist()
-        return (x, y, z)
-
-    return convert
+def _vector(value: Any, name: str) -> tuple[float, float, float]:
+    x, y, z = float_array(value, (3,), f"camera: {name}").tolist()
+    return (x, y, z)
 
 
 DEFAULT_FOV = math.degrees(2 * math.atan(0.5))
@@ -38,9 +35,9 @@ class Camera:
         name: for `--camera NAME`.
     """
 
-    position: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), converter=_vector("position"))
-    direction: tuple[float, float, float] = field(default=(0.0, 0.0, -1.0), converter=_vector("direction"))
-    up: tuple[float, float, float] = field(default=(0.0, 1.0, 0.0), converter=_vector("up"))
+    position: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), converter=lambda v: _vector(v, "position"))
+    direction: tuple[float, float, float] = field(default=(0.0, 0.0, -1.0), converter=lambda v: _vector(v, "direction"))
+    up: tuple[float, float, float] = field(default=(0.0, 1.0, 0.0), converter=lambda v: _vector(v, "up"))
     fov: float = DEFAULT_FOV
     aspect: float = 1.0
     aperture: float = 0.0

@@ -26,12 +26,9 @@ def unit_vector(value: Any, name: str) -> tuple[float, float, float]:
     return (float(x), float(y), float(z))
 
 
-def _point(name: str) -> Any:
-    def convert(value: Any) -> tuple[float, float, float]:
-        x, y, z = float_array(value, (3,), name).tolist()
-        return (x, y, z)
-
-    return convert
+def _point(value: Any, name: str) -> tuple[float, float, float]:
+    x, y, z = float_array(value, (3,), name).tolist()
+    return (x, y, z)
 
 
 @frozen(eq=False, kw_only=True)
@@ -44,8 +41,10 @@ class PointLight:
         attenuation: a, b (1/m) and c (1/m^2), each 0 or more, not all 0.
     """
 
-    position: tuple[float, float, float] = field(converter=_point("point light: position"))
-    colour: tuple[float, float, float] = field(default=(1.0, 1.0, 1.0), converter=lambda v: colour(v, "point light: colour"))
+    position: tuple[float, float, float] = field(converter=lambda v: _point(v, "point light: position"))
+    colour: tuple[float, float, float] = field(
+        default=(1.0, 1.0, 1.0), converter=lambda v: colour(v, "point light: colour")
+    )
     attenuation: tuple[float, float, float] = field(
         default=(0.0, 0.0, 1.0), converter=lambda v: colour(v, "point light: attenuation")
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from attrs import field, frozen
 
@@ -46,10 +44,6 @@ class Texture:
 Colour = tuple[float, float, float]
 
 
-def _lobe(default: Any = (0.0, 0.0, 0.0)) -> Any:
-    return field(default=default)
-
-
 @frozen(eq=False, kw_only=True)
 class Material:
     """A sum of lobes, as the .ray language has it: Lambert, perfect mirror and smooth dielectric, plus emission.
@@ -70,13 +64,13 @@ class Material:
         name: for messages and look-ups.
     """
 
-    emission: Colour | Texture = _lobe()
-    diffuse: Colour | Texture = _lobe()
-    specular: Colour | Texture | None = _lobe(None)
-    reflective: Colour | Texture | None = _lobe(None)
-    transmissive: Colour | Texture = _lobe()
+    emission: Colour | Texture = (0.0, 0.0, 0.0)
+    diffuse: Colour | Texture = (0.0, 0.0, 0.0)
+    specular: Colour | Texture | None = None
+    reflective: Colour | Texture | None = None
+    transmissive: Colour | Texture = (0.0, 0.0, 0.0)
     index: float = 1.0
-    ambient: Colour | Texture = _lobe()
+    ambient: Colour | Texture = (0.0, 0.0, 0.0)
     shininess: float = 0.0
     name: str = ""
 

@@ -12,16 +12,26 @@ from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLig
 from .shapes import Cone, Mesh, Shape, Sphere
 
 
-def _list_of(*classes: type) -> Any:
-    def convert(value: Any) -> list[Any]:
-        items = list(value)
-        for index, item in enumerate(items):
-            if not isinstance(item, classes):
-                names = ", ".join(cls.__name__ for cls in classes)
-                raise SceneError(f"item {index} is a {type(item).__name__}; it must be one of: {names}")
-        return items
+def _checked(items: Any, classes: tuple[type, ...], wanted: str) -> list[Any]:
+    """A list of the items, which must all be of these classes."""
+    for index, item in enumerate(items):
+        if not isinstance(item, classes):
+            raise SceneError(f"item {index} is a {type(item).__name__}; it must be {wanted}")
+    return list(items)
 
-    return field(factory=list, converter=convert)
+
+def _shapes(value: Any) -> list[Any]:
+    return _checked(value, (Mesh, Sphere, Cone), "a Mesh, Box, Square, Sphere, Cone or Cylinder")
+
+
+def _lights(value: Any) -> list[Any]:
+    return _checked(
+        value, (PointLight, DirectionalLight, AmbientLight), "a PointLight, DirectionalLight or AmbientLight"
+    )
+
+
+def _cameras(value: Any) -> list[Any]:
+    return _checked(value, (Camera,), "a Camera")
 
 
 @define(eq=False, kw_only=True)
@@ -31,14 +41,14 @@ class Scene:
     Args:
         shapes: meshes, spheres, cones.
         lights: point, directional and ambient lights; emissive shapes need not be listed.
-        cameras: at least one is needed to render; `Camera()` where the list is empty.
+        cameras: the first renders unless another is asked for; `Camera()` where the list is empty.
         environment: light from far away, or None for black.
         name: for messages and output file names.
     """
 
-    shapes: list[Shape] = _list_of(Mesh, Sphere, Cone)
-    lights: list[Light] = _list_of(PointLight, DirectionalLight, AmbientLight)
-    cameras: list[Camera] = _list_of(Camera)
+    shapes: list[Shape] = field(factory=list, converter=_shapes)
+    lights: list[Light] = field(factory=list, converter=_lights)
+    cameras: list[Camera] = field(factory=list, converter=_cameras)
     environment: Environment | None = None
     name: str = "scene"
 

@@ -13,6 +13,11 @@ from .material import Material
 from .values import Floats, Ints, affine, float_array, index_array
 
 
+def _given(value: Any) -> Any:
+    """Whatever is given: shape and numbers are checked when all fields are known."""
+    return value
+
+
 @frozen(eq=False, kw_only=True)
 class Mesh:
     """Triangles in world space.
@@ -31,10 +36,10 @@ class Mesh:
         SceneError: wrong shapes, indices out of range, numbers that are not finite.
     """
 
-    vertices: Floats = field()
-    faces: Ints = field()
-    normals: Floats | None = None
-    uvs: Floats | None = None
+    vertices: Floats = field(converter=_given)
+    faces: Ints = field(converter=_given)
+    normals: Floats | None = field(default=None, converter=_given)
+    uvs: Floats | None = field(default=None, converter=_given)
     material: Material = field(factory=Material)
     vertex_materials: tuple[Material, ...] | None = None
     two_sided: bool = True
@@ -69,15 +74,19 @@ def smooth_normals(vertices: Floats, faces: Ints) -> Floats:
     return np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0).astype(np.float32)
 
 
-def _transform() -> Any:
-    return field(factory=lambda: np.eye(4), converter=lambda value: affine(value, "transform"))
+def _identity() -> NDArray[np.float64]:
+    return np.eye(4)
+
+
+def _transform(value: Any) -> NDArray[np.float64]:
+    return affine(value, "transform")
 
 
 @frozen(eq=False, kw_only=True)
 class Sphere:
     """The sphere x^2 + y^2 + z^2 = 1 under an affine transform (object to world, 4 x 4), so also any ellipsoid."""
 
-    transform: NDArray[np.float64] = _transform()
+    transform: NDArray[np.float64] = field(factory=_identity, converter=_transform)
     material: Material = field(factory=Material)
     name: str = ""
 
@@ -97,7 +106,7 @@ class Cone:
     top_radius: float = 0.0
     height: float = 1.0
     capped: bool = True
-    transform: NDArray[np.float64] = _transform()
+    transform: NDArray[np.float64] = field(factory=_identity, converter=_transform)
     material: Material = field(factory=Material)
     name: str = ""
 
@@ -131,7 +140,7 @@ _BOX_SIDES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 
 _QUAD_UVS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 
 
-def transform_mesh(vertices: Any, faces: Any, transform: Any, normals: Any = None) -> tuple[Floats, Ints, Floats | None]:
+def transform_mesh(vertices: Any, faces: Any, transform: Any, normals: Any = None) -> tuple[Any, Any, Any]:
     """Mesh arrays under an affine transform; a mirroring one turns the faces over, so that fronts stay fronts."""
     matrix = affine(transform, "transform")
     moved = np.asarray(vertices, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
@@ -148,7 +157,9 @@ def Box(*, transform: Any = None, material: Material | None = None, name: str = 
     corners = _BOX_CORNERS[np.array(_BOX_SIDES).reshape(-1)]
     faces = [(4 * side, 4 * side + a, 4 * side + a + 1) for side in range(6) for a in (1, 2)]
     vertices, indices, _ = transform_mesh(corners, faces, np.eye(4) if transform is None else transform)
-    return Mesh(vertices=vertices, faces=indices, uvs=np.array(_QUAD_UVS * 6), material=material or Material(), name=name)
+    return Mesh(
+        vertices=vertices, faces=indices, uvs=np.array(_QUAD_UVS * 6), material=material or Material(), name=name
+    )
 
 
 def Square(*, transform: Any = None, material: Material | None = None, name: str = "") -> Mesh:  # noqa: N802

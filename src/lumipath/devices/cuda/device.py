@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,8 @@ class CudaDevice:
         lower, upper = geometry.bounds()
         wide = len(lower) > SMALL_SCENE
         tree = build_tree(lower, upper, max_leaf=MAX_LEAF, block=1)
-        accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, geometry.two_sided, wide=wide)
+        sides, solid = geometry.two_sided, geometry.solid()
+        accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, sides, solid, wide=wide)
         self._stack = _STACK if depth <= _STACK else _DEEP_STACK
         features = packed.scene.features.mask | (WIDE_TREE if wide else 0)
         return to_device(packed.scene._replace(accel=accel, features=Features(features)))
@@ -63,8 +64,11 @@ class CudaDevice:
         """As many samples as fit into a third of a second, at the speed so far."""
         return done + max(1, int(_PASS_SECONDS * self._rate / pixels))
 
-    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Iterator[int]:
-        """Bring every pixel up to `last` samples; see `Device.render`. Light that is not finite is left out, uncounted."""
+    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
+        """Bring every pixel up to `last` samples; see `Device.render`.
+
+        Light that is not finite is left out, and not counted.
+        """
         assert self._scheduler is not None, "compile comes first"
         self._gpu.open()
         if self._film is None:

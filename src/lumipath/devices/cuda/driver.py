@@ -1,4 +1,4 @@
-"""The CUDA driver, as far as it is needed: devices, memory, modules, launches. Every failure is a one-line DeviceError."""
+"""The CUDA driver: devices, memory, modules, launches. Every failure is a one-line DeviceError."""
 
 from __future__ import annotations
 
@@ -56,7 +56,9 @@ def check(result: Any, doing: str) -> Any:
     error, *values = result
     if error != driver.CUresult.CUDA_SUCCESS:
         if error == driver.CUresult.CUDA_ERROR_OUT_OF_MEMORY:
-            raise DeviceError(f"the GPU is out of memory while {doing}; render a smaller image or scene, or use --device cpu")
+            raise DeviceError(
+                f"the GPU is out of memory while {doing}; render a smaller image or scene, or use --device cpu"
+            )
         raise DeviceError(f"CUDA failed while {doing}: {str(error).rsplit('.', 1)[-1]}")
     return values[0] if len(values) == 1 else values
 
@@ -203,5 +205,7 @@ def flatten_arguments(values: Any) -> list[Any]:
         elif isinstance(value, Features):
             flat.append(ctypes.c_int64(0))
         else:
-            flat.append(np.ctypeslib.as_ctypes_type(np.asarray(value).dtype)(value.item() if hasattr(value, "item") else value))
+            flat.append(
+                np.ctypeslib.as_ctypes_type(np.asarray(value).dtype)(value.item() if hasattr(value, "item") else value)
+            )
     return flat

@@ -39,7 +39,7 @@ class Lane:
 
 @kernel
 def place_of(item, width):
-    """Column and row on the film of a work item: items run through tiles of 8 x 4 pixels, so that warps stay together."""
+    """Column and row on the film of a work item; items run through tiles of 8 x 4 pixels: warps stay together."""
     tile = u32(item >> u32(5))
     within = i32(item & u32(31))
     across = u32((u32(width) + u32(7)) >> u32(3))

@@ -91,7 +91,7 @@ def _read_parts(source: Source, block: Block, materials: Materials, default: Mat
     fields = read_fields(source, block, readers, what)
     points = required(source, fields, "points", block, what).rows(3, "(x, y, z)")
     faces = _triangles(required(source, fields, "faces", block, what), points)
-    normals = _normals(source, fields.get("normals"), len(points))
+    normals: Any = _normals(source, fields.get("normals"), len(points))
     if fields.get("gennormals"):
         normals = smooth_normals(points, faces)
     return _Parts(

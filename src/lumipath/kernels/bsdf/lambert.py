@@ -9,7 +9,7 @@ from ..warps import cosine_hemisphere, cosine_hemisphere_pdf, uniform_hemisphere
 
 @kernel
 def lambert_eval(cosine):
-    """f times cosine."""
+    """F times cosine."""
     return max(cosine, 0.0) * INV_PI
 
 
@@ -45,5 +45,5 @@ def cosine_weight(scene, cosine):
 
 @kernel(needs=UNIFORM_HEMISPHERE, otherwise=cosine_weight)
 def lambert_weight(scene, cosine):
-    """f times cosine over density of a drawn direction."""
+    """F times cosine over density of a drawn direction."""
     return 2.0 * cosine

@@ -1,0 +1,23 @@
+"""What all tests share: the devices, and the way to the helper modules in `physics`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+# `kernel_calls`, `renders` and `judging` serve the unit tests and the golden images too.
+sys.path.insert(0, str(Path(__file__).parent / "physics"))
+
+DEVICES = ["cpu"]
+
+
+@pytest.fixture(params=DEVICES)
+def device(request):
+    """The name of a device; the test is skipped where this machine has none of that kind."""
+    from lumipath.devices import list_devices
+
+    if request.param not in {info.kind for info in list_devices()}:
+        pytest.skip(f"this machine has no device of the kind {request.param}")
+    return request.param

@@ -1,0 +1,160 @@
+"""The same images as Mitsuba 3, judged by the noise of both."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from judging import ALPHA, assert_same, p_value
+from parts import HIDDEN, floor, hidden, moved, quad, scaled, sphere_mesh
+from renders import renders
+
+from lumipath.scene import Camera, DirectionalLight, Environment, Material, Mesh, PointLight, Scene, Sphere, Texture
+from lumipath.scenes import builtin
+
+pytest.importorskip("mitsuba")
+from mitsuba_scenes import directions, mitsuba_renders
+
+WHITE = Material(diffuse=0.7)
+SIZE = {"width": 32, "height": 32}
+BOTH = {"spp": 64, "seeds": 16}
+
+
+def compare(scene, folder, device, *, ours=None, sky=None, max_depth=4, **options):
+    """Judge our renders of a scene, which may have further shapes that nobody sees, against Mitsuba's."""
+    theirs = mitsuba_renders(scene, folder, max_depth=max_depth, environment=sky, **SIZE, **(BOTH | options))
+    extended = Scene(
+        shapes=[*scene.shapes, *hidden(*(ours or ()))],
+        lights=scene.lights + unlit(scene.lights, ours),
+        environment=equirectangular(sky) if sky else None,
+        cameras=scene.cameras,
+    )
+    images = renders(extended, device=device, max_depth=max_depth, **SIZE, **(BOTH | options))
+    assert_same(images, theirs)
+    return images, theirs
+
+
+def unlit(lights, ours):
+    """Lights too weak to see, so that scenes with a point or a directional light share their kernels."""
+    if not ours or "smooth" not in ours:
+        return []
+    return [PointLight(position=HIDDEN[:3, 3], colour=1e-9), DirectionalLight(direction=(0, -1, 0), colour=1e-9)]
+
+
+def equirectangular(sky, rows=512):
+    """Our image of a radiance by direction."""
+    theta = np.pi * (np.arange(rows)[:, None] + 0.5) / rows
+    phi = 2 * np.pi * (np.arange(2 * rows) + 0.5) / (2 * rows) - np.pi
+    return Environment(image=sky(directions(theta, phi)).astype(np.float32))
+
+
+def lobed_sky(d):
+    """A different colour from everywhere, and a broad sun: no rotation or reflection of it looks the same."""
+    sun = np.array([0.5, 0.6, -0.62]) / np.linalg.norm([0.5, 0.6, -0.62])
+    glow = 4 * np.exp(25 * (d @ sun - 1))[..., None] * (1.0, 0.8, 0.5)
+    return 0.3 + 0.25 * d * (1.0, 0.8, -0.9) + glow
+
+
+def test_the_cornell_box(device, tmp_path):
+    compare(builtin("cornell-box"), tmp_path, device, max_depth=5)
+
+
+def test_the_judge_tells_five_bounces_from_four(device, tmp_path):
+    scene = builtin("cornell-box")
+    theirs = mitsuba_renders(scene, tmp_path, max_depth=5, **SIZE, **BOTH)
+    assert p_value(renders(scene, device=device, max_depth=4, **SIZE, **BOTH), theirs) < ALPHA
+
+
+CURVED = ("quadric", "mirror", "glass")
+
+
+def test_a_mirror_and_a_diffuse_sphere_under_a_sky(device, tmp_path):
+    shapes = [
+        floor(2, material=WHITE),
+        Sphere(transform=moved(-0.7, 0.6, 0) @ scaled(0.6), material=Material(specular=(0.9, 0.7, 0.5))),
+        Sphere(transform=moved(0.8, 0.5, 0.2) @ scaled(0.5), material=Material(diffuse=(0.2, 0.4, 0.8))),
+    ]
+    scene = Scene(shapes=shapes, cameras=[Camera.look_at((0.3, 1.5, 4), (0, 0.4, 0), fov=38)])
+    compare(scene, tmp_path, device, ours=CURVED, sky=lobed_sky)
+
+
+@pytest.mark.parametrize("index", [1.5, 2.2])
+def test_a_glass_sphere_under_a_sky(device, tmp_path, index):
+    shapes = [
+        floor(2, material=WHITE),
+        Sphere(transform=moved(0, 0.8, 0) @ scaled(0.8), material=Material(transmissive=1.0, index=index)),
+    ]
+    scene = Scene(shapes=shapes, cameras=[Camera.look_at((0.5, 1.2, 4), (0, 0.7, 0), fov=35)])
+    compare(scene, tmp_path, device, ours=CURVED, sky=lobed_sky, max_depth=6)
+
+
+@pytest.mark.parametrize("position", [(0, 0, 0), (0, 3, 0), (2, 0, 0)], ids=["-z", "up", "+x"])
+def test_an_environment_is_seen_the_same_way_round(device, tmp_path, position):
+    # A wide view of nothing but the sky, to three sides.
+    direction = {(0, 0, 0): (0, 0, -1), (0, 3, 0): (0, 1, 0.01), (2, 0, 0): (1, 0, 0.3)}[position]
+    scene = Scene(
+        shapes=[floor(0.01, y=-1e3, material=WHITE)],
+        cameras=[Camera(position=position, direction=direction, up=(0, 1, 0), fov=100)],
+    )
+    ours, theirs = compare(scene, tmp_path, device, ours=CURVED, sky=lobed_sky, max_depth=1)
+    np.testing.assert_allclose(ours.mean(0), theirs.mean(0), rtol=0.1)
+
+
+MATT = ("texture", "smooth")
+TABLE = Camera.look_at((0.5, 2.0, 3.5), (0, 0.3, 0), fov=40)
+
+
+def still_life(*, texture=None, rings=64):
+    """A floor and a smooth sphere of triangles."""
+    return [
+        floor(2, uv=True, material=Material(diffuse=texture) if texture else WHITE),
+        sphere_mesh(
+            rings, smooth=True, transform=moved(-0.3, 0.6, 0) @ scaled(0.6), material=Material(diffuse=(0.8, 0.5, 0.3))
+        ),
+    ]
+
+
+def test_a_point_light_and_a_smooth_mesh(device, tmp_path):
+    light = PointLight(position=(1.5, 2.5, 1.0), colour=(9.0, 8.0, 7.0))
+    compare(Scene(shapes=still_life(), lights=[light], cameras=[TABLE]), tmp_path, device, ours=MATT)
+
+
+def test_a_directional_light_and_a_smooth_mesh(device, tmp_path):
+    light = DirectionalLight(direction=(-0.5, -1.0, -0.3), colour=(1.5, 1.2, 1.0))
+    compare(Scene(shapes=still_life(), lights=[light], cameras=[TABLE]), tmp_path, device, ours=MATT)
+
+
+def test_an_image_texture_lies_the_same_way_round(device, tmp_path):
+    image = np.random.default_rng(3).random((5, 7, 3)).astype(np.float32)
+    light = DirectionalLight(direction=(0.2, -1.0, -0.3), colour=2.0)
+    shapes = still_life(texture=Texture(image=image))
+    compare(Scene(shapes=shapes, lights=[light], cameras=[TABLE]), tmp_path, device, ours=MATT)
+
+
+def test_a_thin_lens(device, tmp_path):
+    # A glowing checkerboard before and behind the plane in focus.
+    lamp, other = Material(emission=(2.0, 1.0, 0.5)), Material(emission=(0.2, 0.5, 2.0))
+    shapes = []
+    for k in range(5):
+        x, z = 0.7 * (k - 2), -2.0 - 1.2 * k
+        corners = ((x - 0.3, -0.4, z), (x + 0.3, -0.4, z), (x + 0.3, 0.5, z), (x - 0.3, 0.5, z))
+        shapes.append(quad(*corners, material=lamp if k % 2 else other, two_sided=False))
+    camera = Camera(fov=45, aperture=0.15, focus=4.0)
+    compare(Scene(shapes=shapes, cameras=[camera]), tmp_path, device, max_depth=1)
+
+
+def test_a_smooth_mesh_is_not_a_flat_one(device):
+    light = DirectionalLight(direction=(-0.5, -1.0, -0.3))
+
+    def images(smooth):
+        shape = still_life(rings=8)[1]
+        flat = Mesh(vertices=shape.vertices, faces=shape.faces, material=shape.material)
+        shapes = [shape if smooth else flat, *hidden(*MATT)]
+        return renders(
+            Scene(shapes=shapes, lights=[light, *unlit([], MATT)], cameras=[TABLE]),
+            device=device,
+            max_depth=1,
+            **SIZE,
+            **BOTH,
+        )
+
+    assert p_value(images(True), images(False)) < ALPHA
