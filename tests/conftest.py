@@ -10,7 +10,7 @@ import pytest
 # `kernel_calls`, `renders` and `judging` serve the unit tests and the golden images too.
 sys.path.insert(0, str(Path(__file__).parent / "physics"))
 
-DEVICES = ["cpu"]
+DEVICES = ["cpu", "cuda"]
 
 
 @pytest.fixture(params=DEVICES)
@@ -18,6 +18,6 @@ def device(request):
     """The name of a device; the test is skipped where this machine has none of that kind."""
     from lumipath.devices import list_devices
 
-    if request.param not in {info.kind for info in list_devices()}:
+    if request.param not in {info.kind.split(":")[0] for info in list_devices()}:
         pytest.skip(f"this machine has no device of the kind {request.param}")
     return request.param

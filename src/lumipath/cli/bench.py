@@ -21,7 +21,7 @@ def bench() -> None:
 
 
 @app.command()
-@with_setting_flags("spp", "max_depth", "width", "threads", "sampler", base=BENCH_SETTINGS)
+@with_setting_flags("spp", "max_depth", "width", "threads", "sampler", "kernel", base=BENCH_SETTINGS)
 def throughput(
     scene: SceneArgument,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Image width and height. [pixels]")] = None,

@@ -1,0 +1,80 @@
+"""CUDA kernels on any machine: they compile for every generation of GPUs, within bounds, and on no double precision."""
+
+import re
+
+import pytest
+
+pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
+
+from lumipath import builtin
+from lumipath.accel.build import build_tree
+from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
+from lumipath.devices.cuda.arguments import FILM_TYPE, VIEW_TYPE, type_of
+from lumipath.devices.cuda.schedulers import compile_megakernel, compile_wavefront
+from lumipath.lang import Features
+from lumipath.lang.cuda import compile_ptx
+from lumipath.pack.layout import WIDE_TREE
+from lumipath.pack.scene import pack_scene, settings_features
+from lumipath.settings import RenderSettings
+
+STACK = 64
+# Turing, Ampere, Hopper, Blackwell.
+CAPABILITIES = [(7, 5), (8, 0), (9, 0), (12, 0)]
+
+
+def arguments(name, *, wide):
+    """Argument types of the kernels for a built-in scene."""
+    scene = builtin(name)
+    packed = pack_scene(scene)
+    geometry = packed.geometry
+    tree = build_tree(*geometry.bounds(), max_leaf=MAX_LEAF, block=1)
+    accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=wide)
+    assert depth <= STACK
+    mask = packed.scene.features.mask | settings_features(RenderSettings(), scene.camera(None))
+    features = Features(mask | (WIDE_TREE if wide else 0))
+    return type_of(packed.scene._replace(accel=accel, features=features)), VIEW_TYPE, FILM_TYPE
+
+
+def resources(report):
+    """Registers and bytes of stack, from the assembler's report."""
+    registers, stack = re.findall(r"used (\d+) registers.*?(\d+) stack", report)[-1]
+    return int(registers), int(stack)
+
+
+@pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
+def test_the_megakernel_compiles_within_its_registers_and_hardly_spills(capability):
+    made = compile_megakernel(arguments("bench-cornell", wide=True), capability, STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 56
+    # The traversal stack itself, and what does not fit into the registers.
+    assert 4 * STACK <= stack <= 4 * STACK + 96
+
+
+def test_all_materials_and_primitives_compile_within_bounds():
+    made = compile_megakernel(arguments("primitives", wide=True), (9, 0), STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 64
+    assert stack <= 4 * STACK + 512
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
+def test_the_stages_of_the_wavefront_compile_within_bounds(wide):
+    for name, made in compile_wavefront(arguments("bench-cornell", wide=wide), (9, 0), STACK).items():
+        registers, stack = resources(made.report)
+        assert registers <= (96 if name == "wf_shade" else 64), name
+        # Only traversal has a stack; nothing spills.
+        assert stack == (4 * STACK if name in ("wf_extend", "wf_shadow") else 0), name
+
+
+@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field"])
+def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
+    from numba import types
+
+    from lumipath.devices.cuda.megakernel import make_vote
+
+    signature = (*arguments(scene, wide=True), types.Array(types.uint32, 1, "C"), *([types.int64] * 3))
+    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), signature, (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert re.search(r"\.f32\s", body)
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
