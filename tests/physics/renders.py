@@ -39,14 +39,31 @@ def renders(
     return np.stack(images)
 
 
+def on_host(array):
+    """A copy, wherever the array lies."""
+    copy = np.empty(array.shape, array.dtype)
+    if isinstance(array, np.ndarray):
+        copy[...] = array
+    else:
+        array.download(copy)
+    return copy
+
+
+def as_before(array, changed):
+    """`changed` where `array` lies."""
+    return changed if isinstance(array, np.ndarray) else type(array)(changed)
+
+
 def without_light_sampling(packed: PackedScene) -> PackedScene:
     """The scene with lights that are found only by rays that happen to hit them, each with its full weight."""
-    lights = packed.lights.copy()
+    lights = on_host(packed.lights)
     kinds = lights.view(np.int32)[:, 3]
     assert np.isin(kinds, (layout.TRIANGLE_LIGHT, layout.QUADRIC_LIGHT, layout.ENVIRONMENT_LIGHT)).all()
     # A light that is drawn with the density 0 gives no sample.
     lights[kinds == layout.TRIANGLE_LIGHT, 7] = 0
     lights[kinds == layout.QUADRIC_LIGHT, 19] = 0
     return packed._replace(
-        lights=lights, emitter_density=packed.emitter_density * f32(0), environment_probability=f32(0)
+        lights=as_before(packed.lights, lights),
+        emitter_density=as_before(packed.emitter_density, on_host(packed.emitter_density) * f32(0)),
+        environment_probability=f32(0),
     )

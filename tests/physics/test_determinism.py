@@ -17,6 +17,12 @@ from lumipath.scenes import builtin
 SIZE = {"width": 41, "height": 37, "max_depth": 5, "rr_depth": None}
 
 
+@pytest.fixture
+def device():
+    """The CPU: a GPU sums each launch in float32, so its last bits depend on the launches."""
+    return "cpu"
+
+
 def film_of(session, *stops, packed=None, first=0):
     """A new film after passes that end at the given numbers of samples, the first of which is `first`."""
     film = Film(session.width, session.height)

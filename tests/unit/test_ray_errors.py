@@ -1,6 +1,5 @@
 """What is wrong in a .ray file is told in one line, with the place of the culprit and what to do."""
 
-import time
 from pathlib import Path
 
 import pytest
@@ -285,7 +284,6 @@ def test_deep_nesting_is_an_error(text):
 @pytest.mark.parametrize(
     "start", [HEAD, HEAD + "polymesh { points = (", HEAD + "polymesh { points = ((", HEAD + "a {("]
 )
-def test_reading_time_is_linear(piece, start):
-    begin = time.perf_counter()
+def test_long_garbage_of_any_kind_ends_in_an_error(piece, start):
+    # A regular expression that tries everything would never come back from this.
     error_of(start + piece * (100_000 // len(piece)))
-    assert time.perf_counter() - begin < 2.0

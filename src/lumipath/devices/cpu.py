@@ -68,7 +68,7 @@ class CpuDevice:
     def next_stop(self, done: int, pixels: int) -> int:
         """One sample for a first look, four, then whole batches; never by the clock.
 
-        Which rays are traced together decides about the last bits of an image, and must not depend on the machine.
+        Batches are then the same on every machine, and so is whatever might depend on which rays travel together.
         """
         whole = int(BATCH // TILE_PIXELS)
         return next((stop for stop in (1, 4) if done < stop), (done // whole + 1) * whole)

@@ -115,16 +115,13 @@ def compile_for(function: Callable[..., Any], *arguments: Any) -> None:
 
 
 def explain(name: str, message: str) -> str:
-    """One line from Numba's many: the innermost place and the first sentence that says what is wrong."""
+    """One line from Numba's many: the innermost place, which comes first, and the sentence that precedes it."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", message)
-    places = re.findall(r'File "([^"]+)", line (\d+)', plain)
-    place = f"{places[0][0]}:{places[0][1]}" if places else "unknown place"
-    kernels = re.findall(r"CPUDispatcher\(<function (\S+) at", plain)
-    reasons = [
-        line.strip()
-        for line in plain.splitlines()
-        if line.strip()
-        and not re.match(r"(Failed in|During:|There are|- Of|Overload of|File |<source|\s*\^|def )", line.strip())
-    ]
-    reason = next((r for r in reasons if not r.startswith(("Type of", "[1]"))), reasons[0] if reasons else "unknown")
-    return f"kernel {kernels[0] if kernels else name} does not compile at {place}: {reason}"
+    found = re.search(r'^\s*File "([^"]+)", line (\d+):$', plain, re.M)
+    before = [line.strip() for line in plain[: found.start() if found else None].splitlines() if line.strip()]
+    noise = r"(Failed in|During:|There are|- Of|Overload|With argument|No match|Rejected|>>>)"
+    reason = next((line for line in reversed(before) if not re.match(noise, line)), "unknown")
+    if not found:
+        return f"kernel {name} does not compile: {reason}"
+    innermost = re.search(r"^\s*def (\w+)", plain[found.end() :], re.M)
+    return f"kernel {innermost[1] if innermost else name} does not compile at {found[1]}:{found[2]}: {reason}"
