@@ -11,6 +11,8 @@ from lumipath.accel.build import build_tree
 from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
 from lumipath.devices.cuda.arguments import FILM_TYPE, VIEW_TYPE, type_of
 from lumipath.devices.cuda.schedulers import compile_megakernel, compile_wavefront
+from lumipath.devices.cuda.wavefront import TRACING
+from lumipath.devices.cuda.work import WORK_TYPE
 from lumipath.lang import Features
 from lumipath.lang.cuda import compile_ptx
 from lumipath.pack.layout import WIDE_TREE
@@ -50,30 +52,32 @@ def test_the_megakernel_compiles_within_its_registers_and_hardly_spills(capabili
     assert 4 * STACK <= stack <= 4 * STACK + 96
 
 
+def test_the_megakernel_for_tiny_scenes_does_not_spill():
+    made = compile_megakernel(arguments("bench-cornell", wide=False), (9, 0), STACK)
+    assert resources(made.report) == (64, 4 * STACK)
+
+
 def test_all_materials_and_primitives_compile_within_bounds():
     made = compile_megakernel(arguments("primitives", wide=True), (9, 0), STACK)
     registers, stack = resources(made.report)
     assert registers <= 64
-    assert stack <= 4 * STACK + 512
+    assert stack <= 4 * STACK + 128
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
 def test_the_stages_of_the_wavefront_compile_within_bounds(wide):
     for name, made in compile_wavefront(arguments("bench-cornell", wide=wide), (9, 0), STACK).items():
         registers, stack = resources(made.report)
-        assert registers <= (96 if name == "wf_shade" else 64), name
+        assert registers <= (96 if name == "shade" else 64), name
         # Only traversal has a stack; nothing spills.
-        assert stack == (4 * STACK if name in ("wf_extend", "wf_shadow") else 0), name
+        assert stack == (4 * STACK if name in TRACING else 0), name
 
 
 @pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field"])
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
-    from numba import types
-
     from lumipath.devices.cuda.megakernel import make_vote
 
-    signature = (*arguments(scene, wide=True), types.Array(types.uint32, 1, "C"), *([types.int64] * 3))
-    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), signature, (9, 0))
+    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True), WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)

@@ -11,13 +11,15 @@ from ..pack.layout import CULLING, QUADRICS, WIDE_TREE
 from .slabs import WIDER
 
 DONE = i32(-(2**31))
+# The link of a lane that has no ray to walk.
+IDLE = i32(-(2**31) + 1)
 _MISS = i32(0x7FFFFFFF)
 _TINY = f32(1e-18)
 
 
 @struct
 class Walk:
-    """A ray on its way. link >= 0: a node; < 0: ~(first * 16 + count) of the triangles to test; DONE: nothing left."""
+    """A ray on its way. link >= 0: a node; < 0: ~(first * 16 + count) of triangles to test; or DONE, or IDLE."""
 
     ray: Ray
     inverse: Vec3
@@ -43,6 +45,12 @@ def start_walk(ray):
 def go_on(walk, link, depth):
     """The walk at another link."""
     return Walk(walk.ray, walk.inverse, walk.primitive, link, depth)
+
+
+@kernel
+def idle(walk):
+    """The walk of a lane without a ray."""
+    return go_on(walk, IDLE, walk.depth)
 
 
 @kernel

@@ -8,7 +8,7 @@ import typer
 
 from ..errors import UsageError
 
-DeviceOption = Annotated[str, typer.Option(metavar="auto|cpu|cuda|cuda:N", help="Where to render.")]
+DeviceOption = Annotated[str, typer.Option(metavar="auto|cpu|cuda|cuda:N|cuda:all", help="Where to render.")]
 GpuFlag = Annotated[bool, typer.Option("-g", help="The same as --device cuda.")]
 
 

@@ -15,7 +15,7 @@ from ..accel.packets import SORT_KEYS, Order, Rays, trace_rays
 from ..accel.trace8 import primitive_of
 from ..kernels.path import Path, shade, start_path
 from ..kernels.rays import Hit, Ray
-from ..kernels.sampler import Numbers, direction_numbers
+from ..kernels.sampler import Numbers, camera_numbers, direction_numbers
 from ..lang import INF, Vec3, aligned_empty, entry, fetch_add, i32, kernel, load, read_clock, store, u32
 
 TILE = i32(16)
@@ -155,7 +155,8 @@ def generate(scene, view, batch, column, row, columns, rows, first, samples):
             pixel = u32((row + y) * view.width + column + x)
             for s in range(samples):
                 sample = u32(first + s)
-                path = start_path(scene, view, i32(column + x), i32(row + y), pixel, sample)
+                numbers = camera_numbers(scene, pixel, sample, view.seed)
+                path = start_path(scene, view, i32(column + x), i32(row + y), numbers)
                 store_path(batch, n, path, n, pixel, sample)
                 store_vec3(batch.gathered.red, batch.gathered.green, batch.gathered.blue, n, Vec3(0, 0, 0))
                 n += i32(1)

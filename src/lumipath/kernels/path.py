@@ -16,7 +16,7 @@ from .functions import power_heuristic
 from .lights import emitter_pdf, sample_light
 from .materials import emission_at, is_dielectric, lobes_at, transmittance
 from .rays import SHADOW_END, Ray, endless_ray, no_ray, offset_point
-from .sampler import camera_numbers, choice_numbers, dielectric_number
+from .sampler import choice_numbers, dielectric_number
 from .surface import surface_at
 from .vectors import (
     black,
@@ -71,10 +71,16 @@ class LobeChoice:
 
 
 @kernel
-def start_path(scene, view, column, row, pixel, sample):
-    """A path that leaves the camera."""
-    ray = camera_ray(scene, view, column, row, camera_numbers(scene, pixel, sample, view.seed))
+def start_path(scene, view, column, row, numbers):
+    """A path that leaves the camera; numbers of `camera_numbers`."""
+    ray = camera_ray(scene, view, column, row, numbers)
     return Path(ray, white(), 0.0, i32(0), i32(-1), True)
+
+
+@kernel
+def no_path():
+    """A path that has ended before it began."""
+    return Path(no_ray(), black(), 0.0, i32(0), i32(-1), False)
 
 
 @kernel

@@ -143,19 +143,26 @@ def three_numbers(scene, pixel, sample, seed, sequence):
 
 
 # A path draws from sequences 0 and 1 for the camera, then from eight for each bounce.
+CAMERA_SEQUENCE = u32(0)
 _PER_BOUNCE = u32(8)
 
 
 @kernel
 def camera_numbers(scene, pixel, sample, seed):
     """(a, b): position in the pixel; (c, d): position on the lens."""
-    return four_numbers(scene, pixel, sample, seed, u32(0))
+    return four_numbers(scene, pixel, sample, seed, CAMERA_SEQUENCE)
+
+
+@kernel
+def direction_sequence(depth):
+    """The sequence of `direction_numbers`."""
+    return u32(u32(depth) * _PER_BOUNCE + u32(2))
 
 
 @kernel
 def direction_numbers(scene, pixel, sample, seed, depth):
     """(a, b): point on a light; (c, d): direction of the path."""
-    return four_numbers(scene, pixel, sample, seed, u32(u32(depth) * _PER_BOUNCE + u32(2)))
+    return four_numbers(scene, pixel, sample, seed, direction_sequence(depth))
 
 
 @kernel

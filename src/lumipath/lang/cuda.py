@@ -109,7 +109,8 @@ def compile_cubin(
     """
     from importlib.metadata import version
 
-    constants = tuple(cell.cell_contents for cell in function.__closure__ or () if isinstance(cell.cell_contents, int))
+    captured = [cell.cell_contents for cell in function.__closure__ or ()]
+    constants = tuple(getattr(value, "__qualname__", repr(value)) for value in captured)
     names = (function.__qualname__, constants, str(signature), capability, max_registers, version("numba-cuda"))
     key = hashlib.sha256(repr(names).encode()).hexdigest()[:32]
     path = cache_folder() / f"{function.__name__}-{key}.cubin"

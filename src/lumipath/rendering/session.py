@@ -11,12 +11,12 @@ import attrs
 from attrs import frozen
 
 from .. import __version__
-from ..devices import open_device
+from ..devices import open_device, warn_of_fallback
 from ..devices.device import Device
-from ..errors import LumipathWarning
+from ..errors import DeviceError, LumipathWarning
 from ..lang import Features, u32
 from ..pack.scene import pack_scene, pack_view, settings_features
-from ..scene import Scene
+from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from .film import Film
 from .image import Image
@@ -53,7 +53,7 @@ class Session:
     Args:
         scene: what to render.
         settings: how; the defaults of `RenderSettings` where None.
-        device: `auto` or `cpu`.
+        device: `auto` (a GPU where one can be used, else the CPU), `cpu`, `cuda`, `cuda:1`, `cuda:all`.
         overrides: fields of `RenderSettings` that replace those of `settings`.
 
     Attributes:
@@ -76,16 +76,27 @@ class Session:
         self._view = pack_view(camera, self.settings)
         self.film = Film(int(self._view.film_width), int(self._view.film_height))
         self.device: Device = open_device(device, self.settings.threads, self.settings.kernel)
+        try:
+            self._prepare(camera)
+        except DeviceError as error:
+            if device != "auto" or self.device.kind == "cpu":
+                raise
+            warn_of_fallback(error)
+            self.device = open_device("cpu", self.settings.threads)
+            self._prepare(camera)
+        self.render_seconds = 0.0
+        self._warned = False
+
+    def _prepare(self, camera: Camera) -> None:
+        """Bring the scene to the device, and compile the kernels for what it uses."""
         start = time.perf_counter()
-        packed = self.device.upload(pack_scene(scene))
+        packed = self.device.upload(pack_scene(self.scene))
         features = packed.features.mask | settings_features(self.settings, camera)
         self._packed = packed._replace(features=Features(features))
         self.build_seconds = time.perf_counter() - start
         start = time.perf_counter()
         self.device.compile(self._packed, self._view, self.film.arrays)
         self.compile_seconds = time.perf_counter() - start
-        self.render_seconds = 0.0
-        self._warned = False
 
     @property
     def width(self) -> int:
@@ -167,7 +178,7 @@ def render(
 
     Args:
         scene: from `lumipath.load` or made in Python.
-        device: `auto` or `cpu`.
+        device: as for `Session`.
         progress: called with a `Progress` after each pass.
         settings: fields of `RenderSettings`, as `spp=256`.
 

@@ -1,12 +1,16 @@
-"""A GPU that renders."""
+"""GPUs that render."""
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import Generator
+from collections import Counter
+from collections.abc import Generator, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...accel.build import build_tree
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
@@ -20,29 +24,102 @@ from .schedulers import Megakernel, Scheduler, Wavefront
 
 # Below this many primitives a binary tree that is walked to its end is faster than voting over a wide one (measured).
 SMALL_SCENE = 2000
-_SLICE_SECONDS = 0.1
-_PASS_SECONDS = 0.3
+_SLICE_SECONDS = 0.05
+_WORKERS_PER_GPU = 2
 _STACK, _DEEP_STACK = 64, 256
 
 
+class Worker:
+    """A stream of launches on one GPU, with sums of its own."""
+
+    def __init__(self, gpu: Gpu) -> None:
+        self.gpu = gpu
+        self._scene: PackedScene | None = None
+        self._scheduler: Scheduler | None = None
+        self._view: View | None = None
+        self._film: FilmArrays | None = None
+        self.rate = 0.0
+        """Paths per second, as last measured; 0 before the first slice."""
+
+    def take(self, scene: PackedScene, stack: int, kernel: str) -> None:
+        """Take a scene that is on the GPU, and compile the kernels for it or load them from the disk."""
+        self.gpu.open()
+        self._scene = scene
+        # The megakernel was faster on every scene that was measured.
+        scheduler = Wavefront if kernel == "wavefront" else Megakernel
+        self._scheduler = scheduler(self.gpu, scene, stack)
+
+    def begin(self, view: View, film: FilmArrays, *, empty: bool) -> None:
+        """Take a view; and, if there are no sums yet, those of `film`, or none where `empty`."""
+        self.gpu.open()
+        self._view = to_device(view)
+        if self._film is None and empty:
+            self._film = FilmArrays(*(DeviceArray.zeros(array.shape, array.dtype) for array in film))
+        elif self._film is None:
+            self._film = to_device(film)
+        self.gpu.synchronize()
+
+    def run(self, first: int, last: int, pixels: int) -> int:
+        """Add the samples first .. last - 1 of every pixel; returns how many contributions were not finite."""
+        assert self._scheduler is not None, "take comes first"
+        self.gpu.open()
+        start = time.perf_counter()
+        rejected = self._scheduler.run(self._scene, self._view, self._film, first, last)
+        self.rate = pixels * (last - first) / max(time.perf_counter() - start, 1e-6)
+        return rejected
+
+    @property
+    def has_sums(self) -> bool:
+        """Whether there is anything to add to the sums of others."""
+        return self._film is not None
+
+    def add_to(self, total: NDArray[np.float64]) -> None:
+        """Add these sums to those of others."""
+        if self._film is not None:
+            self.gpu.open()
+            for array in (self._film.total, self._film.lost):
+                host = np.empty(array.shape, array.dtype)
+                array.download(host)
+                total += host
+
+    def clear(self) -> None:
+        """Forget the sums."""
+        self._film = None
+
+
 class CudaDevice:
-    """Renders on one GPU, in slices of some 100 ms, so that it can be stopped at any time."""
+    """Renders on one GPU or on several of them, in slices of some 50 ms, so that it can be stopped at any time.
+
+    Each GPU has two workers, so that it is full while one of them runs out of pixels. All workers take slices of the
+    samples as they become free, and their sums are added up when somebody asks for them.
+
+    Args:
+        index: number of the GPU; all of them where None.
+        kernel: `auto`, `megakernel` or `wavefront`.
+
+    Raises:
+        DeviceError: a GPU cannot be used; the message says why.
+    """
 
     kind = "cuda"
 
-    def __init__(self, index: int = 0, kernel: str = "auto") -> None:
-        self._gpu = Gpu(index)
-        self._gpu.open()
-        self.name = self._gpu.name
+    def __init__(self, index: int | None = 0, kernel: str = "auto") -> None:
+        gpus = [Gpu(number) for number in (range(device_count()) if index is None else (index,))]
+        for gpu in gpus:
+            gpu.open()
+        self.name = joint_name([gpu.name for gpu in gpus])
+        self._gpus = gpus
+        # By turns, so that a short render uses every GPU.
+        self._workers = [Worker(gpu) for _ in range(_WORKERS_PER_GPU) for gpu in gpus]
+        self._pool = ThreadPoolExecutor(len(self._workers), "lumipath-gpu")
+        self._running: dict[Future[int], tuple[Worker, int]] = {}
+        self._rejected = 0
+        self._kernel = kernel
         self._stack = _STACK
-        self._which = kernel
-        self._scheduler: Scheduler | None = None
-        self._film: FilmArrays | None = None
-        self._rate = 0.0
+        self._scenes: dict[int, PackedScene] = {}
 
     def upload(self, packed: Packed) -> PackedScene:
-        """Build the tree and copy every array to the GPU."""
-        self._gpu.open()
+        """Build the tree and copy every array to the GPUs."""
         geometry = packed.geometry
         lower, upper = geometry.bounds()
         wide = len(lower) > SMALL_SCENE
@@ -51,57 +128,97 @@ class CudaDevice:
         accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, sides, solid, wide=wide)
         self._stack = _STACK if depth <= _STACK else _DEEP_STACK
         features = packed.scene.features.mask | (WIDE_TREE if wide else 0)
-        return to_device(packed.scene._replace(accel=accel, features=Features(features)))
+        scene = packed.scene._replace(accel=accel, features=Features(features))
+        for gpu in self._gpus:
+            gpu.open()
+            self._scenes[gpu.index] = to_device(scene)
+        return scene
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
-        """Compile the kernels for this scene's features, or load it from the disk."""
-        self._gpu.open()
-        # The megakernel was faster on every scene that was measured.
-        scheduler = Wavefront if self._which == "wavefront" else Megakernel
-        self._scheduler = scheduler(self._gpu, scene, self._stack)
+        """Compile the kernels for this scene's features, or load them from the disk."""
+        for worker in self._workers:
+            worker.take(self._scenes[worker.gpu.index]._replace(features=scene.features), self._stack, self._kernel)
 
     def next_stop(self, done: int, pixels: int) -> int:
-        """As many samples as fit into a third of a second, at the speed so far."""
-        return done + max(1, int(_PASS_SECONDS * self._rate / pixels))
+        """No stop: between slices, too, everything can be asked for."""
+        return sys.maxsize
 
     def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
         """Bring every pixel up to `last` samples; see `Device.render`.
 
-        Light that is not finite is left out, and not counted.
+        A contribution that is not finite is left out and counted; the rest of its sample stays.
         """
-        assert self._scheduler is not None, "compile comes first"
-        self._gpu.open()
-        if self._film is None:
-            self._film = to_device(film)
-        view_on_gpu = to_device(view)
-        done = int(film.counts[0, 0])
+        first = int(film.counts[0, 0])
+        for worker in self._workers:
+            worker.begin(view, film, empty=first == 0 or worker is not self._workers[0])
         pixels = int(view.film_width) * int(view.film_height)
-        while done < last:
-            until = min(last, done + max(1, int(_SLICE_SECONDS * self._rate / pixels)))
-            start = time.perf_counter()
-            self._scheduler.run(scene, view_on_gpu, self._film, done, until)
-            self._rate = pixels * (until - done) / max(time.perf_counter() - start, 1e-6)
-            done = until
-            # After each slice, so that an interrupt leaves true counts.
-            film.counts[...] = done
-            yield 0
+        try:
+            while self._running or first < last:
+                busy = {worker for worker, _ in self._running.values()}
+                for worker in self._workers:
+                    if worker not in busy and first < last:
+                        samples = slice_samples(worker.rate / pixels, last - first, len(self._workers))
+                        slice_ = self._pool.submit(worker.run, first, first + samples, pixels)
+                        self._running[slice_] = worker, samples
+                        first += samples
+                self._count(film, wait(self._running, return_when=FIRST_COMPLETED).done)
+                rejected, self._rejected = self._rejected, 0
+                yield rejected
+        finally:
+            # After an interrupt as well: what the GPUs are still at work on is counted.
+            self._settle(film)
+
+    def _count(self, film: FilmArrays, slices: Iterable[Future[int]]) -> None:
+        """Count the samples of slices that are done."""
+        for item in slices:
+            _, samples = self._running.pop(item)
+            self._rejected += item.result()
+            film.counts[...] += np.uint32(samples)
+
+    def _settle(self, film: FilmArrays) -> None:
+        """Wait for everything that runs."""
+        self._count(film, wait(self._running).done)
 
     def download(self, film: FilmArrays) -> None:
-        """Bring the sums to the host."""
-        if self._film is not None:
-            self._gpu.open()
-            self._film.total.download(film.total)
-            self._film.lost.download(film.lost)
+        """Bring the sums of all workers to the host."""
+        self._settle(film)
+        if not any(worker.has_sums for worker in self._workers):
+            return
+        total = np.zeros(film.total.shape, np.float64)
+        for worker in self._workers:
+            worker.add_to(total)
+        film.total[...] = total
+        film.lost[...] = total - film.total
 
     def clear(self) -> None:
-        """Forget the sums on the GPU."""
-        self._film = None
+        """Forget the sums on the GPUs."""
+        for worker in self._workers:
+            worker.clear()
+
+
+def slice_samples(rate: float, left: int, workers: int) -> int:
+    """Samples per pixel of a worker's next slice.
+
+    Args:
+        rate: samples per pixel and second of this worker, 0 if not known yet.
+        left: samples per pixel that nobody works on yet.
+        workers: how many share them.
+
+    Slices become shorter towards the end, so that all workers finish at about the same time.
+    """
+    return max(1, min(int(_SLICE_SECONDS * rate), -(-left // (2 * workers))))
+
+
+def joint_name(names: list[str]) -> str:
+    """Names of several GPUs as one: `2 x NVIDIA H200`."""
+    counts = Counter(names)
+    return ", ".join(name if count == 1 else f"{count} x {name}" for name, count in counts.items())
 
 
 def to_device(value: Any) -> Any:
     """A NamedTuple with its arrays on the GPU."""
     if isinstance(value, np.ndarray):
-        return DeviceArray(value)
+        return DeviceArray.of(value)
     if isinstance(value, tuple):
         return type(value)(*(to_device(item) for item in value))  # type: ignore[call-arg]
     return value

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import math
+import sys
 from importlib.util import find_spec
 from typing import Any
 
@@ -13,6 +15,10 @@ from ...errors import DeviceError
 
 INSTALL_HINT = "install it with: pip install 'lumipath[cuda]' (drivers before 580: 'lumipath[cuda12]')"
 MINIMUM_CAPABILITY = (7, 5)
+
+
+class NoGpuError(DeviceError):
+    """There is no NVIDIA GPU, or no driver for it."""
 
 
 def _bindings() -> Any:
@@ -43,7 +49,17 @@ def require_installed() -> None:
         DeviceError: it is not; the message says how to install it.
     """
     if not is_installed():
-        raise DeviceError(f"CUDA support is not installed; {INSTALL_HINT}")
+        kind = DeviceError if _driver_is_there() else NoGpuError
+        raise kind(f"CUDA support is not installed; {INSTALL_HINT}")
+
+
+def _driver_is_there() -> bool:
+    """Whether the driver's library can be loaded; a machine without a GPU has none."""
+    try:
+        ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
+    except OSError:
+        return False
+    return True
 
 
 def check(result: Any, doing: str) -> Any:
@@ -73,13 +89,13 @@ def device_count() -> int:
     try:
         (error,) = driver.cuInit(0)
     except RuntimeError:
-        raise DeviceError("no NVIDIA driver found; install one, or use --device cpu") from None
+        raise NoGpuError("no NVIDIA driver found; install one, or use --device cpu") from None
     if error == driver.CUresult.CUDA_ERROR_NO_DEVICE:
-        raise DeviceError("the NVIDIA driver finds no GPU; use --device cpu")
+        raise NoGpuError("the NVIDIA driver finds no GPU; use --device cpu")
     check((error,), "starting the driver")
     count = int(check(driver.cuDeviceGetCount(), "counting GPUs"))
     if count == 0:
-        raise DeviceError("the NVIDIA driver finds no GPU; use --device cpu")
+        raise NoGpuError("the NVIDIA driver finds no GPU; use --device cpu")
     return count
 
 
@@ -125,24 +141,62 @@ class Gpu:
         check(self._driver.cuCtxSetCurrent(self._context), f"opening {self.name}")
 
     def synchronize(self) -> None:
-        """Wait until everything that was launched is done."""
-        check(self._driver.cuCtxSynchronize(), "rendering")
+        """Wait until every copy and every launch is done."""
+        check(self._driver.cuCtxSynchronize(), "waiting for the GPU")
 
     def driver_version(self) -> int:
         """The newest CUDA version that the driver knows, as 13000 for 13.0."""
         return int(check(self._driver.cuDriverGetVersion(), "asking the driver"))
 
 
-class DeviceArray:
-    """An array in the GPU's memory, freed with the last reference."""
+class Stream:
+    """Launches and copies that follow each other, beside those of other streams."""
 
-    def __init__(self, array: NDArray[Any]) -> None:
+    def __init__(self) -> None:
         self._driver = _bindings()
-        self.shape, self.dtype = array.shape, array.dtype
-        self.nbytes = array.nbytes
-        doing = f"uploading {self.nbytes / 1e6:.0f} MB"
+        flags = self._driver.CUstream_flags.CU_STREAM_NON_BLOCKING
+        self.handle = check(self._driver.cuStreamCreate(flags), "opening a stream")
+
+    def upload(self, target: DeviceArray, array: NDArray[Any]) -> None:
+        """Copy from the host, after what was launched before; the array may change at once."""
+        copy = self._driver.cuMemcpyHtoDAsync
+        check(copy(target.pointer, array.ctypes.data, target.nbytes, self.handle), "uploading")
+
+    def download(self, source: DeviceArray, array: NDArray[Any]) -> None:
+        """Wait for what was launched before, and copy to the host."""
+        copy = self._driver.cuMemcpyDtoHAsync
+        check(copy(array.ctypes.data, source.pointer, source.nbytes, self.handle), "rendering")
+        self.wait()
+
+    def wait(self) -> None:
+        """Wait until everything that was launched is done."""
+        check(self._driver.cuStreamSynchronize(self.handle), "rendering")
+
+
+class DeviceArray:
+    """An uninitialised array in the GPU's memory, freed with the last reference."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: Any) -> None:
+        self._driver = _bindings()
+        self.shape, self.dtype = shape, np.dtype(dtype)
+        self.nbytes = math.prod(shape) * self.dtype.itemsize
+        doing = f"taking {self.nbytes / 1e6:.0f} MB of its memory"
+        self._context = check(self._driver.cuCtxGetCurrent(), doing)
         self.pointer = int(check(self._driver.cuMemAlloc(max(self.nbytes, 16)), doing))
-        self.upload(array)
+
+    @classmethod
+    def of(cls, array: NDArray[Any]) -> DeviceArray:
+        """A copy of a host array."""
+        made = cls(array.shape, array.dtype)
+        made.upload(array)
+        return made
+
+    @classmethod
+    def zeros(cls, shape: tuple[int, ...], dtype: Any) -> DeviceArray:
+        """An array of zeros."""
+        made = cls(shape, dtype)
+        check(made._driver.cuMemsetD8(made.pointer, 0, max(made.nbytes, 16)), "clearing memory")
+        return made
 
     def upload(self, array: NDArray[Any]) -> None:
         """Copy from the host."""
@@ -158,7 +212,10 @@ class DeviceArray:
     def __del__(self) -> None:
         pointer, self.pointer = getattr(self, "pointer", 0), 0
         if pointer:
+            # Another GPU may be the current one by now.
+            self._driver.cuCtxPushCurrent(self._context)
             self._driver.cuMemFree(pointer)
+            self._driver.cuCtxPopCurrent()
 
 
 class Kernel:
@@ -169,10 +226,10 @@ class Kernel:
         self._module = check(self._driver.cuModuleLoadData(cubin), "loading a kernel")
         self._function = check(self._driver.cuModuleGetFunction(self._module, name.encode()), "loading a kernel")
 
-    def launch(self, blocks: int, threads: int, arguments: Any) -> None:
+    def launch(self, blocks: int, threads: int, arguments: Any, stream: Stream) -> None:
         """Start the kernel; `arguments` from `pointers_to`."""
         result = self._driver.cuLaunchKernel(
-            self._function, blocks, 1, 1, threads, 1, 1, 0, 0, ctypes.addressof(arguments), 0
+            self._function, blocks, 1, 1, threads, 1, 1, 0, stream.handle, ctypes.addressof(arguments), 0
         )
         check(result, "starting a kernel")
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ...kernels.vectors import black
-from ...lang import INF, kernel, load, store
+from ...lang import kernel, load, store
 from ...lang.maths import exact_add, exact_sub
 
 
@@ -24,9 +23,3 @@ def add_samples(film, place, total):
     add_exactly(film, place * 3, total.x)
     add_exactly(film, place * 3 + 1, total.y)
     add_exactly(film, place * 3 + 2, total.z)
-
-
-@kernel
-def finite(light):
-    """The light, or none where it is not finite."""
-    return light if abs(light.x + light.y + light.z) < INF else black()

@@ -1,148 +1,166 @@
-"""One kernel for whole paths. A lane renders pixel after pixel, and the lanes of a warp take turns at what most need.
+"""One kernel for whole paths, in which the lanes of a warp take turns at what most of them need.
 
 `vote` suits large scenes: each turn the warp votes on whether to shade, to test triangles, or to test boxes.
 `refill` suits tiny scenes: traversal runs to its end, and lanes that are done wait until enough of them can shade.
+
+A warp renders a tile of 8 x 4 pixels. It deals the samples of the tile to its lanes as they become free, so that none
+is idle while others still work, and all of them stay close together.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from numba import cuda
+from numba import cuda, float32
 
-from ...accel.walk import DONE, Walk, leaf_step, node_step, start_walk
-from ...kernels.path import shade, start_path
-from ...kernels.rays import Hit
-from ...kernels.sampler import direction_numbers
+from ...accel.walk import DONE, IDLE, go_on, idle, leaf_step, node_step, start_walk
+from ...kernels.path import no_path, shade, start_path
+from ...kernels.rays import Hit, no_ray
+from ...kernels.sampler import CAMERA_SEQUENCE, direction_sequence, four_numbers
 from ...kernels.vectors import black
 from ...lang import Vec3, i32, kernel, stack_ints, struct, u32
 from ...lang.cuda import cuda_entry
-from .film import add_samples, finite
+from .film import add_samples
+from .work import finite_or_counted, lanes_before, place_of
 
 _ALL = 0xFFFFFFFF
-# The link of a lane that has no work any more.
-IDLE = i32(-(2**31) + 1)
+_WARP = i32(32)
 BLOCK = 128
-BLOCKS_PER_MULTIPROCESSOR = 16
-"""Of `vote`: its grid is as large as the GPU, and lanes that are done take further pixels from a counter."""
+_SUMS = BLOCK * 3
+
+
+@struct
+class Tile:
+    """Column and row on the film of the first pixel of a warp's tile."""
+
+    column: i32
+    row: i32
 
 
 @struct
 class Lane:
-    """What a lane works on: all samples of one pixel after the other."""
+    """The sample that a lane works on."""
 
     pixel: u32  # number in the full image
-    place: i32  # number on the film; behind the last: no work any more
+    which: i32  # number of the pixel in the tile; -1: no sample
     sample: u32
-    light: Vec3  # sum of the pixel's samples
+    light: Vec3
 
 
 @kernel
-def place_of(item, width):
-    """Column and row on the film of a work item; items run through tiles of 8 x 4 pixels: warps stay together."""
-    tile = u32(item >> u32(5))
-    within = i32(item & u32(31))
-    across = u32((u32(width) + u32(7)) >> u32(3))
-    column = i32(tile % across) * 8 + (within & 7)
-    row = i32(tile // across) * 4 + (within >> 3)
-    return i32(column), i32(row)
+def is_on_film(view, tile, which):
+    """Whether a pixel of the tile is on the film; tiles reach over its edges."""
+    return (tile.column + (which & 7) < view.film_width) & (tile.row + (which >> 3) < view.film_height)
 
 
 @kernel
-def lane_for(view, item, items, first):
-    """A lane that begins a work item; without work if there is no such pixel."""
-    column, row = place_of(item, view.film_width)
-    # Tiles reach over the edges of the film.
-    if (item < u32(items)) & (column < view.film_width) & (row < view.film_height):
-        pixel = u32((view.top + row) * view.width + view.left + column)
-        return Lane(pixel, i32(row * view.film_width + column), u32(first), black())
-    return Lane(u32(0), i32(-1), u32(first), black())
+def deal(view, work, tile, turn):
+    """The lane that takes a sample of the tile: turn 0 the first one of the first pixel, 1 that of the second one."""
+    which = i32(turn & u32(31))
+    pixel = u32((view.top + tile.row + (which >> 3)) * view.width + view.left + tile.column + (which & 7))
+    there = is_on_film(view, tile, which)
+    return Lane(pixel, which if there else i32(-1), u32(work.first + (turn >> u32(5))), black())
 
 
 @kernel
-def next_item(view, counters, items, first):
-    """A pixel that no lane has worked on yet."""
-    item = u32(cuda.atomic.add(counters, 0, u32(1)))
-    lane = lane_for(view, item, items, first)
-    while (lane.place < 0) & (item < u32(items)):
-        item = u32(cuda.atomic.add(counters, 0, u32(1)))
-        lane = lane_for(view, item, items, first)
-    return lane
+def bank(work, sums, lane):
+    """Add what a sample has gathered to the sum of its pixel, if it is finite."""
+    if lane.which >= 0:
+        light = finite_or_counted(work.counters, lane.light)
+        i = ((i32(cuda.threadIdx.x) & i32(-32)) + lane.which) * 3
+        cuda.atomic.add(sums, i, light.x)
+        cuda.atomic.add(sums, i + 1, light.y)
+        cuda.atomic.add(sums, i + 2, light.z)
 
 
 @kernel
-def camera_path(scene, view, lane):
-    """The camera path of a lane's sample."""
-    width = u32(view.width)
-    row = u32(lane.pixel // width)
-    return start_path(scene, view, i32(lane.pixel - row * width), i32(row), lane.pixel, lane.sample)
+def camera_path(scene, view, tile, lane, numbers):
+    """The path with which a lane's sample begins."""
+    column = i32(view.left + tile.column + (lane.which & 7))
+    row = i32(view.top + tile.row + (lane.which >> 3))
+    return start_path(scene, view, column, row, numbers)
 
 
 @kernel
-def idle(walk):
-    """A walk of a lane without work."""
-    return Walk(walk.ray, walk.inverse, walk.primitive, IDLE, walk.depth)
-
-
-@kernel
-def begin(scene, view, lane):
-    """The path and the walk of a lane's sample."""
-    path = camera_path(scene, view, lane)
-    walk = start_walk(path.ray)
-    return path, (idle(walk) if lane.place < 0 else walk)
-
-
-@kernel
-def advance(scene, view, film, counters, items, first, last, path, lane):
-    """Go on with the path while it lives, else with the next sample, else with another pixel."""
-    if path.alive:
-        return path, start_walk(path.ray), lane
-    lane = Lane(lane.pixel, lane.place, u32(lane.sample + u32(1)), lane.light)
-    if lane.sample >= u32(last):
-        add_samples(film, lane.place, lane.light)
-        lane = next_item(view, counters, items, first)
-    path, walk = begin(scene, view, lane)
-    return path, walk, lane
+def halt(walk):
+    """The walk of a lane that waits for shading."""
+    return go_on(walk, DONE, i32(0))
 
 
 @kernel
 def lit(lane, light):
-    """The lane with more light; what is not finite is left out."""
-    return Lane(lane.pixel, lane.place, lane.sample, lane.light + finite(light))
+    """The lane with more light."""
+    return Lane(lane.pixel, lane.which, lane.sample, lane.light + light)
 
 
 @kernel
-def shade_lane(scene, view, film, counters, items, first, last, walk, path, lane):
-    """Shade what a walk found.
+def shade_lane(scene, view, work, tile, sums, turn, walk, path, lane):
+    """Shade what a walk has found; where the path has ended already, begin the sample of the lane's turn.
+
+    Both draw their random numbers together, so that the lanes of a warp part as late as possible.
 
     Returns the walk to do next, the path, the lane, whether the walk is a shadow ray's, and the light that it brings.
     """
-    numbers = direction_numbers(scene, lane.pixel, lane.sample, view.seed, path.depth)
-    hit = Hit(walk.ray.tmax, walk.primitive)
-    step = shade(scene, view, path, hit, numbers, lane.pixel, lane.sample)
-    lane = lit(lane, step.emitted)
-    if step.shadow.tmax > 0.0:
-        return start_walk(step.shadow), step.path, lane, True, step.direct
-    path, walk, lane = advance(scene, view, film, counters, items, first, last, step.path, lane)
-    return walk, path, lane, False, step.direct
+    if not path.alive:
+        bank(work, sums, lane)
+        lane = deal(view, work, tile, turn)
+    sequence = direction_sequence(path.depth) if path.alive else CAMERA_SEQUENCE
+    numbers = four_numbers(scene, lane.pixel, lane.sample, view.seed, sequence)
+    if not path.alive:
+        if lane.sample >= work.last:
+            return idle(walk), path, lane, False, black()
+        if lane.which < 0:
+            return walk, path, lane, False, black()
+        path = camera_path(scene, view, tile, lane, numbers)
+        return start_walk(path.ray), path, lane, False, black()
+    step = shade(scene, view, path, Hit(walk.ray.tmax, walk.primitive), numbers, lane.pixel, lane.sample)
+    shadow = step.shadow.tmax > 0.0
+    walk = start_walk(step.shadow if shadow else step.path.ray)
+    walk = walk if shadow | step.path.alive else halt(walk)
+    return walk, step.path, lit(lane, step.emitted), shadow, step.direct
 
 
 @kernel
-def end_shadow(scene, view, film, counters, items, first, last, walk, path, lane, direct):
-    """A shadow ray has ended: gather its light if it hit nothing, and go on."""
+def end_shadow(walk, path, lane, direct):
+    """A shadow ray has ended: gather its light if it hit nothing; next is the path's own ray, if the path goes on."""
     if walk.primitive < 0:
         lane = lit(lane, direct)
-    path, walk, lane = advance(scene, view, film, counters, items, first, last, path, lane)
-    return walk, path, lane
+    walk = start_walk(path.ray)
+    return (walk if path.alive else halt(walk)), lane
+
+
+@kernel
+def clear_sums(sums):
+    """Set the sums of the lane's pixel to 0."""
+    for channel in range(3):
+        sums[cuda.threadIdx.x * 3 + channel] = 0.0
+    cuda.syncwarp()
+
+
+@kernel
+def develop(view, film, tile, sums):
+    """Add the sums of the lane's pixel to the film."""
+    cuda.syncwarp()
+    which = i32(cuda.laneid)
+    if is_on_film(view, tile, which):
+        place = (tile.row + (which >> 3)) * view.film_width + tile.column + (which & 7)
+        i = cuda.threadIdx.x * 3
+        add_samples(film, place, Vec3(sums[i], sums[i + 1], sums[i + 2]))
 
 
 def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> Any:
     """The voting kernel: shade once `shade_at` lanes wait for it, test a triangle once `leaf_at` do, else boxes."""
 
-    def vote(scene, view, film, counters, items, first, last):
-        lane = lane_for(view, u32(cuda.grid(1)), items, first)
-        path, walk = begin(scene, view, lane)
-        direct = Vec3(0, 0, 0)
+    def vote(scene, view, film, work):
+        sums = cuda.shared.array(_SUMS, float32)
+        clear_sums(sums)
+        column, row = place_of(u32(u32(cuda.grid(1)) & u32(-32)), view.film_width)
+        tile = Tile(column, row)
+        lane = Lane(u32(0), i32(-1), u32(0), black())
+        path = no_path()
+        walk = halt(start_walk(no_ray()))
+        dealt = u32(0)
+        direct = black()
         shadow = False
         stack = stack_ints(stack_size)
         while True:
@@ -155,10 +173,11 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
             if nodes + leaves + ends == 0:
                 break
             if ends >= shade_at or nodes + leaves == 0:
+                dead = u32(cuda.ballot_sync(_ALL, at_end and not path.alive))
                 if at_end:
-                    walk, path, lane, shadow, direct = shade_lane(
-                        scene, view, film, counters, items, first, last, walk, path, lane
-                    )
+                    turn = u32(dealt + u32(cuda.popc(u32(dead & lanes_before()))))
+                    walk, path, lane, shadow, direct = shade_lane(scene, view, work, tile, sums, turn, walk, path, lane)
+                dealt = u32(dealt + u32(cuda.popc(dead)))
             else:
                 if leaves >= leaf_at or nodes < leaves:
                     if at_leaf:
@@ -168,11 +187,10 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
                         if walk.link >= 0:
                             walk = node_step(scene, walk, stack)
                 if shadow and walk.link == DONE:
-                    walk, path, lane = end_shadow(
-                        scene, view, film, counters, items, first, last, walk, path, lane, direct
-                    )
+                    walk, lane = end_shadow(walk, path, lane, direct)
                     shadow = False
             cuda.syncwarp()
+        develop(view, film, tile, sums)
 
     return cuda_entry(vote)
 
@@ -180,10 +198,16 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
 def make_refill(stack_size: int, threshold: int) -> Any:
     """The refilling kernel: shade when fewer than `threshold` lanes still walk."""
 
-    def refill(scene, view, film, counters, items, first, last):
-        lane = lane_for(view, u32(cuda.grid(1)), items, first)
-        path, walk = begin(scene, view, lane)
-        direct = Vec3(0, 0, 0)
+    def refill(scene, view, film, work):
+        sums = cuda.shared.array(_SUMS, float32)
+        clear_sums(sums)
+        column, row = place_of(u32(u32(cuda.grid(1)) & u32(-32)), view.film_width)
+        tile = Tile(column, row)
+        lane = Lane(u32(0), i32(-1), u32(0), black())
+        path = no_path()
+        walk = halt(start_walk(no_ray()))
+        dealt = u32(0)
+        direct = black()
         shadow = False
         stack = stack_ints(stack_size)
         while True:
@@ -193,20 +217,20 @@ def make_refill(stack_size: int, threshold: int) -> Any:
             if walkers + waiters == 0:
                 break
             if waiters != 0 and walkers < threshold:
+                dead = u32(cuda.ballot_sync(_ALL, waiting and not path.alive))
                 if waiting:
-                    walk, path, lane, shadow, direct = shade_lane(
-                        scene, view, film, counters, items, first, last, walk, path, lane
-                    )
+                    turn = u32(dealt + u32(cuda.popc(u32(dead & lanes_before()))))
+                    walk, path, lane, shadow, direct = shade_lane(scene, view, work, tile, sums, turn, walk, path, lane)
+                dealt = u32(dealt + u32(cuda.popc(dead)))
             elif walk.link > IDLE:
                 while walk.link >= 0:
                     walk = node_step(scene, walk, stack)
                 while (walk.link < 0) & (walk.link > IDLE):
                     walk = leaf_step(scene, walk, stack, shadow)
                 if shadow and walk.link == DONE:
-                    walk, path, lane = end_shadow(
-                        scene, view, film, counters, items, first, last, walk, path, lane, direct
-                    )
+                    walk, lane = end_shadow(walk, path, lane, direct)
                     shadow = False
             cuda.syncwarp()
+        develop(view, film, tile, sums)
 
     return cuda_entry(refill)

@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
-from numba import types
+from numpy.typing import NDArray
 
+from ...lang import i32, u32
 from ...lang.cuda import Compiled, compile_cubin
 from ...pack.layout import DIELECTRICS, MIRRORS, QUADRICS, VERTEX_DATA, WIDE_TREE
 from .arguments import FILM_TYPE, VIEW_TYPE, type_of
-from .driver import DeviceArray, Gpu, Kernel, flatten_arguments, pointers_to
-from .megakernel import BLOCK, BLOCKS_PER_MULTIPROCESSOR, make_refill, make_vote
-from .wavefront import COUNTERS, ROWS, make_wavefront
+from .driver import DeviceArray, Gpu, Kernel, Stream, flatten_arguments, pointers_to
+from .megakernel import BLOCK, make_refill, make_vote
+from .wavefront import BLOCKS_PER_MULTIPROCESSOR, ROWS, TRACING, WAVE_TYPE, Wave, make_wavefront
+from .work import COUNTERS, PATHS, REJECTED, WORK_TYPE, Work, item_count
 
 _RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS
 # Paths in flight in the wavefront: enough to fill any GPU, and 128 bytes each.
@@ -24,8 +26,11 @@ _ROUNDS = 16
 class Scheduler(Protocol):
     """Renders some samples of every pixel."""
 
-    def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> None:
-        """Add the samples first .. last - 1 of every pixel to the film; returns when they are done."""
+    def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> int:
+        """Add the samples first .. last - 1 of every pixel to the film.
+
+        Returns, when they are done, how many contributions were not finite and were left out.
+        """
 
 
 class Megakernel:
@@ -34,80 +39,98 @@ class Megakernel:
     def __init__(self, gpu: Gpu, scene: Any, stack: int) -> None:
         made = compile_megakernel(scene_arguments(scene), gpu.capability, stack)
         self.kernel = Kernel(made.cubin, made.name)
-        self._gpu = gpu
-        # On tiny scenes lanes stay closer together when each keeps to its pixel (measured).
-        self._shares = bool(scene.features.mask & WIDE_TREE)
-        self._counters = DeviceArray(np.zeros(COUNTERS, np.uint32))
+        self._stream = Stream()
+        self._counters = Counters(self._stream)
 
-    def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> None:
-        """Add the samples first .. last - 1 of every pixel to the film; returns when they are done."""
-        items = -(-int(view.film_width) // 8) * 8 * (-(-int(view.film_height) // 4) * 4)
-        blocks = -(-items // BLOCK)
-        if self._shares:
-            blocks = min(blocks, self._gpu.multiprocessors * BLOCKS_PER_MULTIPROCESSOR)
-        # The lanes of the grid have one pixel each to begin with; the rest is for whoever is done first.
-        self._counters.upload(np.full(COUNTERS, blocks * BLOCK, np.uint32))
-        numbers = (np.int64(items), np.int64(first), np.int64(last))
-        values = pointers_to(flatten_arguments((scene, view, film, self._counters, *numbers)))
-        self.kernel.launch(blocks, BLOCK, values)
-        self._gpu.synchronize()
+    def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> int:
+        """Add samples to the film; see `Scheduler.run`."""
+        items = item_count(int(view.film_width), int(view.film_height))
+        self._counters.write({})
+        work = Work(self._counters.array, u32(first), u32(last))
+        self.kernel.launch(
+            -(-items // BLOCK), BLOCK, pointers_to(flatten_arguments((scene, view, film, work))), self._stream
+        )
+        return int(self._counters.read()[REJECTED])
 
 
 class Wavefront:
     """One kernel a stage, with queues of paths between them."""
 
     def __init__(self, gpu: Gpu, scene: Any, stack: int) -> None:
-        self._gpu = gpu
+        self._multiprocessors = gpu.multiprocessors
         self.kernels = {
             name: Kernel(made.cubin, made.name)
             for name, made in compile_wavefront(scene_arguments(scene), gpu.capability, stack).items()
         }
         self._state: DeviceArray | None = None
         self._queue: DeviceArray | None = None
-        self._counters = DeviceArray(np.zeros(COUNTERS, np.uint32))
+        self._stream = Stream()
+        self._counters = Counters(self._stream)
 
-    def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> None:
-        """Add the samples first .. last - 1 of every pixel to the film; returns when they are done."""
-        pixels = int(view.film_width) * int(view.film_height)
-        slots = min(pixels, _SLOTS)
+    def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> int:
+        """Add samples to the film; see `Scheduler.run`."""
+        items = item_count(int(view.film_width), int(view.film_height))
+        slots = min(items, _SLOTS)
         if self._state is None or self._queue is None:
-            self._state = DeviceArray(np.empty(slots * ROWS * 4, np.float32))
-            self._queue = DeviceArray(np.empty(2 * slots, np.int32))
-        for base in range(0, pixels, slots):
-            self._run_slots(scene, view, film, base, min(slots, pixels - base), first, last)
+            self._state = DeviceArray((slots * ROWS * 4,), np.float32)
+            self._queue = DeviceArray((2 * slots,), np.int32)
+        rejected = 0
+        for base in range(0, items, slots):
+            wave = Wave(
+                self._counters.array,
+                *(self._state, self._queue),
+                *(i32(base), i32(min(slots, items - base)), i32(0)),
+                *(u32(first), u32(last)),
+            )
+            rejected += self._run_wave(scene, view, film, wave)
+        return rejected
 
-    def _run_slots(self, scene: Any, view: Any, film: Any, base: int, slots: int, first: int, last: int) -> None:
+    def _run_wave(self, scene: Any, view: Any, film: Any, wave: Wave) -> int:
         # Packing the arguments takes longer than a stage, so it is done once for each of the two queues.
         packed = [
-            pointers_to(
-                flatten_arguments(
-                    (
-                        *(scene, view, film, self._state, self._queue, self._counters),
-                        *(np.int64(number) for number in (base, slots, first, last, parity)),
-                    )
-                )
-            )
-            for parity in (0, 1)
+            pointers_to(flatten_arguments((scene, view, film, wave._replace(parity=i32(parity))))) for parity in (0, 1)
         ]
+        most = self._multiprocessors * BLOCKS_PER_MULTIPROCESSOR
 
         def launch(name: str, threads: int, parity: int = 0) -> None:
-            self.kernels[name].launch(-(-threads // BLOCK), BLOCK, packed[parity])
+            blocks = -(-threads // BLOCK)
+            blocks = min(blocks, most) if name in TRACING else blocks
+            self.kernels[name].launch(blocks, BLOCK, packed[parity], self._stream)
 
-        counters = np.array([slots, 0, 0, 0], np.uint32)
-        self._counters.upload(counters)
-        launch("wf_start", slots)
+        self._counters.write({})
+        launch("start", int(wave.slots))
         parity = 0
-        waiting = slots
+        waiting = int(wave.slots)
         while waiting:
             for _ in range(_ROUNDS):
-                for stage in ("wf_extend", "wf_shade", "wf_shadow"):
+                for stage in ("extend", "shade", "shadow"):
                     launch(stage, waiting, parity)
-                launch("wf_turn", 1, parity)
+                launch("turn", 1, parity)
                 parity = 1 - parity
-            self._counters.download(counters)
-            waiting = int(counters[parity])
-        launch("wf_finish", slots)
-        self._gpu.synchronize()
+            waiting = int(self._counters.read()[PATHS + parity])
+        launch("finish", int(wave.slots))
+        return int(self._counters.read()[REJECTED])
+
+
+class Counters:
+    """The counters of `work`, on the GPU."""
+
+    def __init__(self, stream: Stream) -> None:
+        self._stream = stream
+        self.array = DeviceArray.zeros((COUNTERS,), np.uint32)
+
+    def write(self, values: dict[Any, int]) -> None:
+        """Set these, and all others to 0."""
+        host = np.zeros(COUNTERS, np.uint32)
+        for which, value in values.items():
+            host[which] = value
+        self._stream.upload(self.array, host)
+
+    def read(self) -> NDArray[np.uint32]:
+        """Wait for what was launched before, and bring all of them."""
+        host = np.empty(COUNTERS, np.uint32)
+        self._stream.download(self.array, host)
+        return host
 
 
 def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> Compiled:
@@ -118,16 +141,15 @@ def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stac
         kernel, registers = make_vote(stack, 16 if rich else 8, 8, 2), 64 if rich else 56
     else:
         kernel, registers = make_refill(stack, 18), 64
-    arguments = (*scene, types.Array(types.uint32, 1, "C"), *([types.int64] * 3))
-    return compile_cubin(kernel, arguments, capability, registers)
+    return compile_cubin(kernel, (*scene, WORK_TYPE), capability, registers)
 
 
 def compile_wavefront(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> dict[str, Compiled]:
     """The kernels of the wavefront for argument types."""
-    arrays = tuple(types.Array(kind, 1, "C") for kind in (types.float32, types.int32, types.uint32))
-    arguments = (*scene, *arrays, *([types.int64] * 5))
-    kernels = make_wavefront(stack)
-    return {name: compile_cubin(kernel, arguments, capability) for name, kernel in kernels.items()}
+    return {
+        name: compile_cubin(kernel, (*scene, WAVE_TYPE), capability, 64 if name in TRACING else 0)
+        for name, kernel in make_wavefront(stack).items()
+    }
 
 
 def scene_arguments(scene: Any) -> tuple[Any, ...]:

@@ -1,23 +1,28 @@
 """One kernel a stage: extend, shade, shadow. Paths wait in queues between them.
 
 A slot belongs to a pixel and carries one path at a time; its state lies in global memory. Each stage works through a
-queue of slots without gaps and fills the next one, so that all lanes of a warp do the same thing.
+queue of slots without gaps and fills the next one, so that all lanes of a warp do the same thing. The stages that trace
+rays run as many threads as the GPU holds: lanes that are done fetch further rays from the queue, and the warp votes on
+what to do next, as in the megakernel.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
-from numba import cuda
+from numba import cuda, types
+from numpy.typing import NDArray
 
-from ...accel.walk import walk_to_end
+from ...accel.walk import DONE, IDLE, go_on, idle, leaf_step, node_step, start_walk
 from ...kernels.path import Path, shade, start_path
-from ...kernels.rays import Hit, Ray, endless_ray
-from ...kernels.sampler import direction_numbers
-from ...kernels.vectors import xyz
-from ...lang import INF, as_float, as_int, i32, kernel, load, read4, stack_ints, u32, write4
+from ...kernels.rays import Hit, Ray, endless_ray, no_ray
+from ...kernels.sampler import camera_numbers, direction_numbers
+from ...kernels.vectors import black, xyz
+from ...lang import INF, as_float, as_int, i32, kernel, load, read4, stack_ints, store, u32, write4
 from ...lang.cuda import cuda_entry
-from .film import add_samples, finite
+from .film import add_samples
+from .work import FETCHED_PATHS, FETCHED_SHADOWS, PATHS, SHADOWS, finite_or_counted, lanes_before, place_of
 
 _ALL = 0xFFFFFFFF
 
@@ -26,149 +31,255 @@ _ALL = 0xFFFFFFFF
 ROWS = 8
 _HIT, _SHADOW = i32(4), i32(5)
 
-# Counters: two queues of paths, which take turns, and the shadow rays.
-COUNTERS = 4
-SHADOW_COUNTER = i32(2)
+BLOCKS_PER_MULTIPROCESSOR = 16
+# When the lanes of a tracing warp fetch further rays, and when they test triangles (measured).
+_FETCH_AT, _LEAF_AT, _NODE_STEPS = 8, 8, 2
+
+
+class Wave(NamedTuple):
+    """One launch of a stage: the samples first .. last - 1 of the pixels of `slots` work items from `base` on."""
+
+    counters: NDArray[Any]  # (COUNTERS,) uint32
+    state: NDArray[Any]  # (slots * ROWS * 4,) float32
+    queue: NDArray[Any]  # (2 * slots,) int32
+    base: i32
+    slots: i32
+    parity: i32  # which of the two queues is worked through; the other one is filled
+    first: u32
+    last: u32
+
+
+WAVE_TYPE = types.NamedTuple(
+    (
+        *(types.Array(kind, 1, "C") for kind in (types.uint32, types.float32, types.int32)),
+        *([types.int32] * 3),
+        *([types.uint32] * 2),
+    ),
+    Wave,
+)
 
 
 @kernel
-def at(row, slots, slot):
+def at(wave, row, slot):
     """Where a row of a slot begins."""
-    return (row * slots + slot) * 4
+    return (row * wave.slots + slot) * 4
 
 
 @kernel
-def enqueue(wanted, counters, which):
-    """Places in a queue for the lanes that want one, by one atomic a warp; all lanes of the warp must call it."""
+def reserve(wanted, counters, which):
+    """Different numbers, counted on, for the lanes that want one: one atomic a warp; all of its lanes must call it."""
     votes = cuda.ballot_sync(_ALL, wanted)
     lane = i32(cuda.laneid)
     base = i32(0)
     if lane == 0 and votes != 0:
         base = i32(cuda.atomic.add(counters, which, u32(cuda.popc(votes))))
     base = cuda.shfl_sync(_ALL, base, 0)
-    before = u32(u32(votes) & u32((u32(1) << u32(lane)) - u32(1)))
-    return i32(base + i32(cuda.popc(before)))
+    return i32(base + i32(cuda.popc(u32(u32(votes) & lanes_before()))))
 
 
 @kernel
-def place_in_image(view, place):
-    """Column and row in the full image of a place on the film."""
-    return i32(view.left + place % view.film_width), i32(view.top + place // view.film_width)
+def enqueue(wanted, wave, parity, slot):
+    """Put the slots of the lanes that want it into one of the two queues."""
+    k = reserve(wanted, wave.counters, i32(PATHS + parity))
+    if wanted:
+        store(wave.queue, parity * wave.slots + k, slot)
 
 
 @kernel
-def new_path(scene, view, place, sample):
-    """The camera path of a sample."""
-    x, y = place_in_image(view, place)
-    return start_path(scene, view, x, y, u32(y * view.width + x), sample)
+def new_path(scene, view, column, row, sample):
+    """The camera path of a sample of a place on the film."""
+    x = i32(view.left + column)
+    y = i32(view.top + row)
+    numbers = camera_numbers(scene, u32(y * view.width + x), sample, view.seed)
+    return start_path(scene, view, x, y, numbers)
 
 
 @kernel
-def store_path(state, slots, slot, path, sample):
+def store_path(wave, slot, path, sample):
     """The path of a slot."""
     ray = path.ray
-    write4(state, at(0, slots, slot), ray.o.x, ray.o.y, ray.o.z, path.pdf)
-    write4(state, at(1, slots, slot), ray.d.x, ray.d.y, ray.d.z, as_float(path.depth))
+    write4(wave.state, at(wave, 0, slot), ray.o.x, ray.o.y, ray.o.z, path.pdf)
+    write4(wave.state, at(wave, 1, slot), ray.d.x, ray.d.y, ray.d.z, as_float(path.depth))
     t = path.throughput
-    write4(state, at(2, slots, slot), t.x, t.y, t.z, as_float(i32(sample)))
+    write4(wave.state, at(wave, 2, slot), t.x, t.y, t.z, as_float(i32(sample)))
 
 
 @kernel
-def store_light(state, slots, slot, light, medium):
+def store_light(wave, slot, light, medium):
     """The light that a slot has gathered, and the medium of its path."""
-    write4(state, at(3, slots, slot), light.x, light.y, light.z, as_float(medium))
+    write4(wave.state, at(wave, 3, slot), light.x, light.y, light.z, as_float(medium))
 
 
-def make_wavefront(stack_size: int) -> dict[str, Any]:
-    """The kernels of the wavefront by name; all take the same first arguments."""
+def wf_start(scene, view, film, wave):
+    """Begin the first sample of every slot."""
+    slot = i32(cuda.grid(1))
+    column, row = place_of(u32(wave.base + slot), view.film_width)
+    there = (slot < wave.slots) & (column < view.film_width) & (row < view.film_height)
+    if there:
+        path = new_path(scene, view, column, row, wave.first)
+        store_path(wave, slot, path, wave.first)
+        store_light(wave, slot, black(), path.medium)
+    cuda.syncwarp()
+    enqueue(there, wave, i32(0), slot)
 
-    def wf_start(scene, view, film, state, queue, counters, base, slots, first, last, parity):
-        slot = i32(cuda.grid(1))
-        if slot < slots:
-            path = new_path(scene, view, i32(base + slot), u32(first))
-            store_path(state, i32(slots), slot, path, u32(first))
-            write4(state, at(3, i32(slots), slot), 0.0, 0.0, 0.0, as_float(path.medium))
-            queue[slot] = slot
 
-    def wf_extend(scene, view, film, state, queue, counters, base, slots, first, last, parity):
-        i = i32(cuda.grid(1))
-        if i < i32(load(counters, parity)):
-            slot = load(queue, parity * slots + i)
-            o = read4(state, at(0, i32(slots), slot))
-            d = read4(state, at(1, i32(slots), slot))
-            hit = walk_to_end(scene, endless_ray(xyz(o), xyz(d)), False, stack_ints(stack_size))
-            write4(state, at(_HIT, i32(slots), slot), hit.t, as_float(hit.primitive), 0.0, 0.0)
+@kernel
+def waiting_paths(wave):
+    """Paths in the queue."""
+    return i32(load(wave.counters, PATHS + wave.parity))
 
-    def wf_shade(scene, view, film, state, queue, counters, base, slots, first, last, parity):
-        n = i32(slots)
-        i = i32(cuda.grid(1))
-        going = False
-        shadowed = False
-        slot = i32(0)
-        shadow = Ray(xyz((0.0, 0.0, 0.0)), xyz((0.0, 0.0, 1.0)), 0.0)
-        direct = xyz((0.0, 0.0, 0.0))
-        if i < i32(load(counters, parity)):
-            slot = load(queue, parity * slots + i)
-            o = read4(state, at(0, n, slot))
-            d = read4(state, at(1, n, slot))
-            t = read4(state, at(2, n, slot))
-            light = read4(state, at(3, n, slot))
-            found = read4(state, at(_HIT, n, slot))
-            sample = u32(as_int(t[3]))
-            depth = as_int(d[3])
-            place = i32(base + slot)
-            x, y = place_in_image(view, place)
-            pixel = u32(y * view.width + x)
-            path = Path(Ray(xyz(o), xyz(d), INF), xyz(t), o[3], depth, as_int(light[3]), True)
-            numbers = direction_numbers(scene, pixel, sample, view.seed, depth)
-            step = shade(scene, view, path, Hit(found[0], as_int(found[1])), numbers, pixel, sample)
-            shadow = step.shadow
-            direct = step.direct
-            shadowed = shadow.tmax > 0.0
-            path = step.path
-            going = path.alive
-            if not going:
-                # The slot's next sample begins at once.
-                sample = u32(sample + u32(1))
-                going = sample < u32(last)
-                path = new_path(scene, view, place, sample)
-            store_path(state, n, slot, path, sample)
-            store_light(state, n, slot, xyz(light) + finite(step.emitted), path.medium)
-        cuda.syncwarp()
-        j = enqueue(shadowed, counters, SHADOW_COUNTER)
-        if shadowed:
-            write4(state, at(_SHADOW, n, j), shadow.o.x, shadow.o.y, shadow.o.z, shadow.tmax)
-            write4(state, at(i32(_SHADOW + 1), n, j), shadow.d.x, shadow.d.y, shadow.d.z, as_float(slot))
-            write4(state, at(i32(_SHADOW + 2), n, j), direct.x, direct.y, direct.z, 0.0)
-        k = enqueue(going, counters, 1 - parity)
-        if going:
-            queue[(1 - parity) * slots + k] = slot
 
-    def wf_shadow(scene, view, film, state, queue, counters, base, slots, first, last, parity):
-        n = i32(slots)
-        j = i32(cuda.grid(1))
-        if j < i32(load(counters, SHADOW_COUNTER)):
-            o = read4(state, at(_SHADOW, n, j))
-            d = read4(state, at(i32(_SHADOW + 1), n, j))
-            hit = walk_to_end(scene, Ray(xyz(o), xyz(d), o[3]), True, stack_ints(stack_size))
-            if hit.primitive < 0:
-                slot = as_int(d[3])
-                light = read4(state, at(3, n, slot))
-                total = xyz(light) + finite(xyz(read4(state, at(i32(_SHADOW + 2), n, j))))
-                write4(state, at(3, n, slot), total.x, total.y, total.z, light[3])
+@kernel
+def waiting_shadows(wave):
+    """Shadow rays in the queue."""
+    return i32(load(wave.counters, SHADOWS))
 
-    def wf_turn(scene, view, film, state, queue, counters, base, slots, first, last, parity):
-        # The queue just worked through is empty now, and so is that of the shadow rays.
-        if cuda.grid(1) == 0:
-            counters[parity] = u32(0)
-            counters[2] = u32(0)
 
-    def wf_finish(scene, view, film, state, queue, counters, base, slots, first, last, parity):
-        slot = i32(cuda.grid(1))
-        if slot < slots:
-            add_samples(film, i32(base + slot), xyz(read4(state, at(3, i32(slots), slot))))
+@kernel
+def path_ray(wave, item):
+    """The ray of a path in the queue."""
+    slot = load(wave.queue, wave.parity * wave.slots + item)
+    return endless_ray(xyz(read4(wave.state, at(wave, 0, slot))), xyz(read4(wave.state, at(wave, 1, slot))))
 
-    return {
-        function.__name__: cuda_entry(function)
-        for function in (wf_start, wf_extend, wf_shade, wf_shadow, wf_turn, wf_finish)
-    }
+
+@kernel
+def store_hit(wave, item, walk):
+    """What the ray of a path in the queue has hit."""
+    slot = load(wave.queue, wave.parity * wave.slots + item)
+    write4(wave.state, at(wave, _HIT, slot), walk.ray.tmax, as_float(walk.primitive), 0.0, 0.0)
+
+
+@kernel
+def shadow_ray(wave, item):
+    """A shadow ray in the queue."""
+    o = read4(wave.state, at(wave, _SHADOW, item))
+    return Ray(xyz(o), xyz(read4(wave.state, at(wave, i32(_SHADOW + 1), item))), o[3])
+
+
+@kernel
+def gather_light(wave, item, walk):
+    """Give the light of a shadow ray to its path, if the ray has hit nothing."""
+    if walk.primitive < 0:
+        slot = as_int(read4(wave.state, at(wave, i32(_SHADOW + 1), item))[3])
+        light = read4(wave.state, at(wave, 3, slot))
+        direct = xyz(read4(wave.state, at(wave, i32(_SHADOW + 2), item)))
+        store_light(wave, slot, xyz(light) + finite_or_counted(wave.counters, direct), as_int(light[3]))
+
+
+def _make_trace(
+    stack_size: int, any_hit: bool, fetched: int, waiting: Any, ray_of: Any, hand_in: Any
+) -> Callable[..., None]:
+    """A stage that traces the rays of a queue.
+
+    Args:
+        stack_size: links on the stack of a walk.
+        any_hit: whether any hit will do, not only the nearest.
+        fetched: counter of the rays that lanes have taken on.
+        waiting: kernel: the number of rays in the queue of a wave.
+        ray_of: kernel: one of them.
+        hand_in: kernel: what is done with the walk of one of them in the end.
+    """
+
+    def trace(scene, view, film, wave):
+        count = waiting(wave)
+        item = i32(-1)
+        walk = start_walk(no_ray())
+        walk = go_on(walk, DONE, i32(0))
+        stack = stack_ints(stack_size)
+        while True:
+            at_leaf = (walk.link < 0) & (walk.link > IDLE)
+            at_end = walk.link == DONE
+            nodes = cuda.popc(cuda.ballot_sync(_ALL, walk.link >= 0))
+            leaves = cuda.popc(cuda.ballot_sync(_ALL, at_leaf))
+            ends = cuda.popc(cuda.ballot_sync(_ALL, at_end))
+            if nodes + leaves + ends == 0:
+                break
+            if ends >= _FETCH_AT or nodes + leaves == 0:
+                following = reserve(at_end, wave.counters, fetched)
+                if at_end:
+                    if item >= 0:
+                        hand_in(wave, item, walk)
+                    item = following
+                    walk = start_walk(ray_of(wave, item)) if item < count else idle(walk)
+            elif leaves >= _LEAF_AT or nodes < leaves:
+                if at_leaf:
+                    walk = leaf_step(scene, walk, stack, any_hit)
+            else:
+                for _ in range(_NODE_STEPS):
+                    if walk.link >= 0:
+                        walk = node_step(scene, walk, stack)
+            cuda.syncwarp()
+
+    return trace
+
+
+def wf_shade(scene, view, film, wave):
+    """Shade what the paths have hit; what goes on is queued, and so are the shadow rays."""
+    i = i32(cuda.grid(1))
+    going = False
+    shadowed = False
+    slot = i32(0)
+    shadow = no_ray()
+    direct = black()
+    if i < waiting_paths(wave):
+        slot = load(wave.queue, wave.parity * wave.slots + i)
+        o = read4(wave.state, at(wave, 0, slot))
+        d = read4(wave.state, at(wave, 1, slot))
+        t = read4(wave.state, at(wave, 2, slot))
+        light = read4(wave.state, at(wave, 3, slot))
+        found = read4(wave.state, at(wave, _HIT, slot))
+        sample = u32(as_int(t[3]))
+        depth = as_int(d[3])
+        column, row = place_of(u32(wave.base + slot), view.film_width)
+        pixel = u32((view.top + row) * view.width + view.left + column)
+        path = Path(Ray(xyz(o), xyz(d), INF), xyz(t), o[3], depth, as_int(light[3]), True)
+        numbers = direction_numbers(scene, pixel, sample, view.seed, depth)
+        step = shade(scene, view, path, Hit(found[0], as_int(found[1])), numbers, pixel, sample)
+        shadow = step.shadow
+        direct = step.direct
+        shadowed = shadow.tmax > 0.0
+        path = step.path
+        going = path.alive
+        if not going:
+            # The slot's next sample begins at once.
+            sample = u32(sample + u32(1))
+            going = sample < wave.last
+            path = new_path(scene, view, column, row, sample)
+        store_path(wave, slot, path, sample)
+        store_light(wave, slot, xyz(light) + finite_or_counted(wave.counters, step.emitted), path.medium)
+    cuda.syncwarp()
+    j = reserve(shadowed, wave.counters, SHADOWS)
+    if shadowed:
+        write4(wave.state, at(wave, _SHADOW, j), shadow.o.x, shadow.o.y, shadow.o.z, shadow.tmax)
+        write4(wave.state, at(wave, i32(_SHADOW + 1), j), shadow.d.x, shadow.d.y, shadow.d.z, as_float(slot))
+        write4(wave.state, at(wave, i32(_SHADOW + 2), j), direct.x, direct.y, direct.z, 0.0)
+    enqueue(going, wave, i32(1 - wave.parity), slot)
+
+
+def wf_turn(scene, view, film, wave):
+    """The queue just worked through is empty now, and so is that of the shadow rays."""
+    if cuda.grid(1) == 0:
+        store(wave.counters, PATHS + wave.parity, u32(0))
+        store(wave.counters, SHADOWS, u32(0))
+        store(wave.counters, FETCHED_PATHS, u32(0))
+        store(wave.counters, FETCHED_SHADOWS, u32(0))
+
+
+def wf_finish(scene, view, film, wave):
+    """Add what the slots have gathered to the film."""
+    slot = i32(cuda.grid(1))
+    column, row = place_of(u32(wave.base + slot), view.film_width)
+    if (slot < wave.slots) & (column < view.film_width) & (row < view.film_height):
+        add_samples(film, i32(row * view.film_width + column), xyz(read4(wave.state, at(wave, 3, slot))))
+
+
+TRACING = ("extend", "shadow")
+"""Stages that run as many threads as the GPU holds."""
+
+
+def make_wavefront(stack_size: int) -> dict[str, Callable[..., None]]:
+    """The kernels of the wavefront by name; all take the scene, the view, the film and a `Wave`."""
+    extend = _make_trace(stack_size, False, FETCHED_PATHS, waiting_paths, path_ray, store_hit)
+    shadow = _make_trace(stack_size, True, FETCHED_SHADOWS, waiting_shadows, shadow_ray, gather_light)
+    stages = {"start": wf_start, "extend": extend, "shade": wf_shade, "shadow": shadow, "turn": wf_turn}
+    return {name: cuda_entry(stage) for name, stage in {**stages, "finish": wf_finish}.items()}
