@@ -156,7 +156,7 @@ def _show_table(points: Sequence[Point]) -> None:
     text = io.StringIO()
     width = max(shutil.get_terminal_size().columns, _SMALLEST_WIDTH)
     Console(file=text, width=width, force_terminal=sys.stdout.isatty()).print(table)
-    show("\n".join(line.rstrip() for line in text.getvalue().splitlines()))
+    show("\n".join(line.rstrip() for line in text.getvalue().strip("\n").splitlines()))
     if any(timing.extrapolated for point in points for timing in (point.against, point.device)):
         show("* extrapolated from as many samples as were rendered within --cpu-limit")
 
