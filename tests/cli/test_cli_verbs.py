@@ -6,7 +6,7 @@ import pytest
 
 from lumipath.scenes import names
 
-HEAVY = ("numpy", "numba", "rich", "OpenImageIO", "trimesh", "lark")
+HEAVY = ("numpy", "numba", "rich", "OpenImageIO", "trimesh", "lark", "matplotlib")
 
 
 class TestTop:
@@ -35,7 +35,9 @@ class TestTop:
         assert code == 2
         assert err == "lumipath: error: No such command 'rendr'. Did you mean 'render'?; see lumipath --help\n"
 
-    @pytest.mark.parametrize("verb", ["render", "info", "scenes", "devices", "bench", "bench throughput"])
+    @pytest.mark.parametrize(
+        "verb", ["render", "info", "scenes", "devices", "bench", "bench throughput", "bench figure1"]
+    )
     def test_every_verb_has_help(self, lumipath, verb):
         code, out, _ = lumipath(*verb.split(), "--help")
         assert code == 0

@@ -9,7 +9,16 @@ from lumipath.errors import SceneError
 from lumipath.scene import Camera, Cone, Mesh, Scene, Sphere
 from lumipath.scenes import DEFAULT, builtin, names
 
-TRIANGLES = {"cornell-box": 32, "bench-cornell": 36, "bench-blob100k": 99_236, "bench-blob1m": 998_012}
+TRIANGLES = {
+    "cornell-box": 32,
+    "cornell-box-specular": 32,
+    "cornell-box-transmissive": 34,
+    "knot40k": 40_012,
+    "bench-cornell": 36,
+    "bench-blob100k": 99_236,
+    "bench-blob1m": 998_012,
+}
+BOXES = ["cornell-box", "cornell-box-specular", "cornell-box-transmissive", "bench-cornell"]
 
 
 def face_normals_and_centres(mesh):
@@ -69,7 +78,7 @@ def test_listing_imports_no_numpy():
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 
 
-@pytest.mark.parametrize("name", ["cornell-box", "cornell-box-glass", "bench-cornell", "bench-blob100k"])
+@pytest.mark.parametrize("name", [*BOXES, "cornell-box-glass", "knot40k", "bench-blob100k"])
 def test_walls_and_lamp_face_into_the_room(name):
     scene = builtin(name)
     low, high = scene_bounds(scene)
@@ -78,7 +87,7 @@ def test_walls_and_lamp_face_into_the_room(name):
         assert (np.einsum("ij,ij->i", normals, (low + high) / 2 - centres) > 0).all(), wall
 
 
-@pytest.mark.parametrize("name", ["cornell-box", "bench-cornell"])
+@pytest.mark.parametrize("name", BOXES)
 @pytest.mark.parametrize("block", ["short block", "tall block"])
 def test_blocks_face_outwards(name, block):
     mesh = part(builtin(name), block)
@@ -86,9 +95,49 @@ def test_blocks_face_outwards(name, block):
     assert (np.einsum("ij,ij->i", normals, centres - mesh.vertices.mean(axis=0)) > 0).all()
 
 
-@pytest.mark.parametrize("name", ["cornell-box", "bench-cornell"])
+@pytest.mark.parametrize("name", [*BOXES, "knot40k"])
 def test_only_the_lamp_is_one_sided(name):
     assert [shape.name for shape in builtin(name).shapes if not shape.two_sided] == ["lamp"]
+
+
+def assert_closed(mesh):
+    """Every edge, by its ends in space, belongs to two faces that run along it in opposite directions."""
+    _, vertex = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    faces = vertex.reshape(-1)[mesh.faces]
+    edges = np.concatenate([faces[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    there, back = (set(map(tuple, pairs)) for pairs in (edges, edges[:, ::-1]))
+    assert len(there) == len(edges)
+    assert there == back
+
+
+def test_the_glass_block_is_closed_and_clear_of_the_floor():
+    block = part(builtin("cornell-box-transmissive"), "tall block")
+    assert block.material.is_dielectric
+    assert_closed(block)
+    assert block.vertices[:, 1].min() > 5e-4
+
+
+class TestKnot:
+    def test_is_closed_and_faces_outwards(self):
+        knot = part(builtin("knot40k"), "knot")
+        assert len(knot.faces) == 40_000
+        assert_closed(knot)
+        corners = knot.vertices[knot.faces].astype(np.float64)
+        # Cubic metres; below 0 where faces look inwards.
+        volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+        assert 0.005 < volume < 0.01
+
+    def test_normals_are_those_of_the_surface(self):
+        knot = part(builtin("knot40k"), "knot")
+        faces, _ = face_normals_and_centres(knot)
+        faces /= np.linalg.norm(faces, axis=1, keepdims=True)
+        assert np.einsum("ij,ij->i", faces, knot.normals[knot.faces[:, 0]]).min() > 0.7
+
+    def test_hangs_clear_of_the_walls(self):
+        scene = builtin("knot40k")
+        knot = part(scene, "knot")
+        assert knot.vertices.min() > 0.02
+        assert (knot.vertices.max(axis=0) < np.array([0.54, 0.53, 0.54])).all()
 
 
 def test_cornell_box_is_in_metres_and_red_is_left():

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from ..bench.figure1 import CPU_LIMIT, FIGURE1_SETTINGS, SAMPLES, SCENES, measure_points, report
 from ..bench.throughput import BENCH_SETTINGS, measure
 from ._device import DeviceOption, GpuFlag, device_from
 from ._scene import SceneArgument, open_scene
 from ._settings import from_flags, from_size, settings_from, with_setting_flags
+from ._signals import exit_code
 from ._terminal import show, show_json
 
 app = typer.Typer(help="Measure how fast this machine renders.", rich_markup_mode=None, no_args_is_help=True)
@@ -40,3 +43,40 @@ def throughput(
     speeds = " ".join(f"{speed:.3f}" for speed in result.mpaths_per_s)
     means = " ".join(f"{mean:.5f}" for mean in result.mean_rgb)
     show(f"{result.median:.3f} Mpaths/s (median of {speeds}) on {result.device}; mean {means}")
+
+
+@app.command()
+@with_setting_flags("threads", "seed", base=FIGURE1_SETTINGS)
+def figure1(
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SCENE", help="A scene file or built-in scene; may be repeated. Default: four of them."),
+    ] = None,
+    samples: Annotated[str, typer.Option(metavar="N,N,...", help="Samples per pixel.")] = ",".join(map(str, SAMPLES)),
+    size: Annotated[str, typer.Option(metavar="WxH", help="Image width and height. [pixels]")] = "512x512",
+    device: DeviceOption = "cuda:0",
+    against: Annotated[str, typer.Option(metavar="auto|cpu|cuda|cuda:N", help="What it is compared with.")] = "cpu",
+    cpu_limit: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0, help="CPU renders that take longer are extrapolated.")
+    ] = CPU_LIMIT,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="PATH", help="A folder, or a PNG, SVG or JSON file.")
+    ] = Path(),
+    as_json: Annotated[bool, typer.Option("--json", help="As one JSON object instead of a table.")] = False,
+    **flags: Any,
+) -> None:
+    """Speed-up of a GPU over the CPU, over samples per pixel: a table, a plot, and their numbers as JSON.
+
+    Ctrl-C stops: what was measured until then is written.
+    """
+    from ._figure1 import collect, files_for, finish, samples_from
+
+    settings = settings_from([*from_flags(flags), *from_size(size)], FIGURE1_SETTINGS)
+    counts, scenes = samples_from(samples), [open_scene(name) for name in scene or SCENES]
+    files = files_for(output)
+    points, stopped = collect(measure_points(scenes, counts, settings, device, against, cpu_limit))
+    finish(files, report(points, settings, cpu_limit, complete=stopped is None), points, as_json)
+    if isinstance(stopped, KeyboardInterrupt):
+        raise typer.Exit(exit_code(stopped))
+    if stopped:
+        raise stopped

@@ -116,7 +116,7 @@ class Image:
         check_tonemap(tonemap)
         target = _target(Path(path))
         suffix = target.suffix.lower()
-        with _replacing(target) as temporary:
+        with replacing(target) as temporary:
             if suffix == ".npy":
                 _write_npy(temporary, self.pixels)
             elif suffix == ".exr":
@@ -148,31 +148,35 @@ class Image:
         return cls(_read_npy(path)) if path.suffix.lower() == ".npy" else cls(*_read_with_oiio(path))
 
 
-def check_writable(path: str | os.PathLike[str]) -> None:
-    """Find out before a long render whether `Image.save(path)` will be possible; leaves nothing behind.
+def check_writable(path: str | os.PathLike[str], suffixes: tuple[str, ...] = SUFFIXES) -> None:
+    """Find out before a long render whether writing this file will be possible; leaves nothing behind.
+
+    Args:
+        path: the file; it may be there already.
+        suffixes: those that it may have; by default the ones that `Image.save` knows.
 
     Raises:
         ImageError: unknown suffix, missing folder, a directory, no permission; the message says what to do.
     """
-    target = _target(Path(path))
+    target = _target(Path(path), suffixes)
     temporary = _temporary_name(target)
     with _reported(target):
         temporary.touch(exist_ok=False)
         temporary.unlink()
 
 
-def _check_suffix(path: Path) -> None:
-    if path.suffix.lower() not in SUFFIXES:
+def _check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
+    if path.suffix.lower() not in suffixes:
         kind = f"the suffix {path.suffix!r} is not known" if path.suffix else "there is no suffix"
-        raise ImageError(f"{path}: {kind}; use one of {', '.join(SUFFIXES)}")
+        raise ImageError(f"{path}: {kind}; use one of {', '.join(suffixes)}")
 
 
-def _target(path: Path) -> Path:
+def _target(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
     """The file that `path` means, links followed, after every check that needs no writing."""
     with _reported(path):
         if path.is_dir():
             raise ImageError(f"{path} is a directory; add a file name, for example {path / 'image.png'}")
-        _check_suffix(path)
+        _check_suffix(path, suffixes)
         target = Path(os.path.realpath(path))
         folder = target.parent
         if not folder.exists():
@@ -204,7 +208,7 @@ def _reported(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
+def replacing(target: Path) -> Iterator[Path]:
     """A temporary file that takes the place of `target` if the block succeeds, and vanishes if not."""
     temporary = _temporary_name(target)
     try:

@@ -15,10 +15,17 @@ if TYPE_CHECKING:
 _SCENES = {
     "cornell-box": ("cornell", "cornell_box", "the Cornell box as measured at Cornell University: two white blocks"),
     "cornell-box-glass": ("cornell", "cornell_box_glass", "the Cornell box with a mirror and a glass sphere"),
+    "cornell-box-specular": ("cornell", "cornell_box_specular", "the Cornell box with polished blocks and floor"),
+    "cornell-box-transmissive": (
+        "cornell",
+        "cornell_box_transmissive",
+        "the Cornell box with a glass block, a polished one and a polished floor",
+    ),
     "primitives": ("primitives", "primitives", "spheres, ellipsoids, cones, cylinders, boxes and squares"),
     "glass": ("glass", "glass", "nested glass spheres that absorb light, under a sky"),
     "depth-of-field": ("lens", "depth_of_field", "a row of spheres through a wide lens"),
     "textures": ("textures", "textures", "image textures, smooth normals and blended vertex materials"),
+    "knot40k": ("knot", "knot40k", "a lacquered knot of a ribbed tube in the Cornell box, 40,000 triangles"),
     "bench-cornell": ("bench", "bench_cornell", "benchmark: a Cornell box of 36 triangles"),
     "bench-blob100k": ("bench", "bench_blob100k", "benchmark: a bumpy sphere in a box, 99,236 triangles"),
     "bench-blob1m": ("bench", "bench_blob1m", "benchmark: a bumpy sphere in a box, 998,012 triangles"),

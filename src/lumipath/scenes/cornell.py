@@ -47,6 +47,11 @@ _TALL_BLOCK = (
     ((265, 0, 296), (265, 330, 296), (423, 330, 247), (423, 0, 247)),
 )
 
+# The underside, which a block of glass needs: its inside must be closed.
+_TALL_BLOCK_BOTTOM = ((423, 0, 247), (472, 0, 406), (314, 0, 456), (265, 0, 296))
+# A gap between it and the floor, so that the two do not coincide.
+_GLASS_Y = 1.0
+
 # A film of 25 mm behind a lens of 35 mm.
 _FOV = 39.3077
 
@@ -56,7 +61,7 @@ def _part(name: str, material: Material, *corners: Any, two_sided: bool = True) 
     return quads(*metres, material=material, two_sided=two_sided, name=name)
 
 
-def _room() -> list[Mesh]:
+def room() -> list[Mesh]:
     """Walls that face inwards, and the lamp, which shines downwards only."""
     return [
         _part("floor", WHITE, _FLOOR),
@@ -68,7 +73,8 @@ def _room() -> list[Mesh]:
     ]
 
 
-def _camera() -> Camera:
+def camera() -> Camera:
+    """The camera of the published pictures."""
     position = np.array((278.0, 273.0, -800.0)) * MILLIMETRE
     return Camera(position=position, direction=(0.0, 0.0, 1.0), fov=_FOV, focus=1.0)
 
@@ -76,7 +82,33 @@ def _camera() -> Camera:
 def cornell_box() -> Scene:
     """The box with its two white blocks; 32 triangles."""
     blocks = [_part("short block", WHITE, *_SHORT_BLOCK), _part("tall block", WHITE, *_TALL_BLOCK)]
-    return Scene(shapes=_room() + blocks, cameras=[_camera()], name="cornell-box")
+    return Scene(shapes=room() + blocks, cameras=[camera()], name="cornell-box")
+
+
+# The open front of the box is dark: a mirror alone would be black from where the camera stands.
+_POLISHED = Material(diffuse=(0.35, 0.35, 0.35), specular=(0.55, 0.55, 0.55), name="polished")
+_POLISHED_FLOOR = Material(diffuse=WHITE.diffuse, specular=(0.15, 0.15, 0.15), name="polished floor")
+
+
+def _polished_room() -> list[Mesh]:
+    """The room with a floor that mirrors a little."""
+    _, *others = room()
+    return [_part("floor", _POLISHED_FLOOR, _FLOOR), *others]
+
+
+def cornell_box_specular() -> Scene:
+    """The box with polished blocks on a polished floor; 32 triangles."""
+    blocks = [_part("short block", _POLISHED, *_SHORT_BLOCK), _part("tall block", _POLISHED, *_TALL_BLOCK)]
+    return Scene(shapes=_polished_room() + blocks, cameras=[camera()], name="cornell-box-specular")
+
+
+def cornell_box_transmissive() -> Scene:
+    """The box with a polished block and one of glass on a polished floor; 34 triangles."""
+    # Of light that travels one metre inside, so much is left.
+    glass = Material(transmissive=(0.5, 0.8, 0.7), index=1.5, name="glass")
+    corners = np.add((*_TALL_BLOCK, _TALL_BLOCK_BOTTOM), (0.0, _GLASS_Y, 0.0))
+    blocks = [_part("short block", _POLISHED, *_SHORT_BLOCK), _part("tall block", glass, *corners)]
+    return Scene(shapes=_polished_room() + blocks, cameras=[camera()], name="cornell-box-transmissive")
 
 
 def _ball(name: str, centre: tuple[float, float, float], radius: float, material: Material) -> Sphere:
@@ -92,4 +124,4 @@ def cornell_box_glass() -> Scene:
         _ball("mirror sphere", (390.0, 110.0, 360.0), 110.0, mirror),
         _ball("glass sphere", (165.0, 100.0, 180.0), 100.0, clear_glass),
     ]
-    return Scene(shapes=[*_room(), *balls], cameras=[_camera()], name="cornell-box-glass")
+    return Scene(shapes=[*room(), *balls], cameras=[camera()], name="cornell-box-glass")
