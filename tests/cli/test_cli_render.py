@@ -49,7 +49,24 @@ class TestSettings:
         code, _, _ = lumipath(
             *("render", "cornell-box", "-s", 3, "-r", 5, "--size", "8x6", "--crop", "0,0,4,3", "--camera", 0),
             *("--sampler", "independent", "--hemisphere", "uniform", "--fresnel", "schlick", "--rr-depth", "off"),
-            *("--seed", 9, "--aperture", 0.1, "--focus", 2, "--exposure", 1.5, "--tonemap", "agx", "--threads", 1),
+            *(
+                "--seed",
+                9,
+                "--aperture",
+                0.1,
+                "--focus",
+                2,
+                "--blades",
+                6,
+                "--blade-rotation",
+                15,
+                "--exposure",
+                1.5,
+                "--tonemap",
+                "agx",
+                "--threads",
+                1,
+            ),
             *("--device", "cpu"),
         )
         assert code == 0
@@ -67,6 +84,8 @@ class TestSettings:
             seed=9,
             aperture=0.1,
             focus=2.0,
+            blades=6,
+            blade_rotation=15.0,
             exposure=1.5,
             tonemap="agx",
             threads=1,
@@ -93,6 +112,10 @@ class TestSettings:
             (("-s", "0"), "spp is 0: it must be"),
             (("--aperture", "wide"), "--aperture is 'wide': it must be a number"),
             (("--crop", "1,2"), "crop is (1, 2): it must be x0,y0,x1,y1"),
+            (("--focus-on", "1"), "focus_on is (1,): it must be x,y in pixels of the full image"),
+            (("--focus-on", "1;2"), "--focus-on is '1;2': it must be whole numbers with commas"),
+            (("--focus-on", "1,2", "--focus", 3), "focus is 3 and focus_on is (1, 2): give one of them"),
+            (("--blades", 2), "blades is 2: it must be 0 for a round aperture, or a whole number from 3 to 32"),
             (("--crop", "a"), "--crop is 'a': it must be whole numbers with commas"),
             (("--size", "640"), "--size is '640': it must be WIDTHxHEIGHT"),
             (("--size", "x"), "--size is 'x'"),
@@ -162,6 +185,9 @@ class TestProgress:
         err = lumipath("render", "-s", 2, "-w", 4, "-v")[2]
         assert "compiling took 0.2 s" in err
         assert "RenderSettings(spp=2" in err
+
+    def test_the_distance_of_a_picked_focus_is_said(self, lumipath, fake):
+        assert "lumipath: in focus: 4.5 m, at pixel 1,2\n" in lumipath("render", "-w", 4, "--focus-on", "1,2")[2]
 
     def test_long_compilation_is_mentioned(self, lumipath, fake, monkeypatch):
         monkeypatch.setenv("FAKE_COMPILE", "3")
