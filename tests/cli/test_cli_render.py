@@ -14,6 +14,17 @@ def files_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+def save_face(path, size, value=0.0):
+    Image(np.full((size, size, 3), value)).save(path)
+
+
+def write_faces(folder):
+    """Six faces of 4 x 4 pixels in the folder `sky`, each filled with its number."""
+    (folder / "sky").mkdir()
+    for number, face in enumerate(("posx", "negx", "posy", "negy", "posz", "negz")):
+        save_face(folder / "sky" / f"{face}.exr", 4, number)
+
+
 class TestOutput:
     def test_default_name_is_that_of_the_scene(self, lumipath, fake, tmp_path):
         code, out, err = lumipath("render", "bench-cornell", "-s", 2, "-w", 8)
@@ -158,6 +169,44 @@ class TestScene:
         Image(np.full((2, 4, 3), 0.25)).save(tmp_path / "sky.exr")
         assert lumipath("render", "glass", "-w", 4, "--environment", "sky.exr")[0] == 0
         assert (fake[0].scene.environment.image == 0.25).all()
+
+    @pytest.mark.parametrize("flag", ["-c", "--cubemap"])
+    def test_one_face_of_a_cubemap_brings_the_others(self, lumipath, fake, tmp_path, flag):
+        write_faces(tmp_path)
+        assert lumipath("render", "glass", "-w", 4, flag, "sky/negz.exr")[0] == 0
+        image = fake[0].scene.environment.image
+        assert image.shape == (8, 16, 3)
+        # Straight ahead and straight up, by the numbers of the faces.
+        assert image[4, 8].tolist() == [5, 5, 5]
+        assert (image[0] == 2).all()
+
+    @pytest.mark.parametrize(
+        ("change", "message"),
+        [
+            (lambda sky: (sky / "posy.exr").unlink(), "its folder has no posy; a cubemap needs all of posx, negx"),
+            (lambda sky: (sky / "old_posy.png").touch(), "has a face twice: old_posy.png, posy.exr; keep one cubemap"),
+            (lambda sky: save_face(sky / "posy.exr", 2), "2 x 2 pixels, but posx.exr has 4 x 4; all faces must have"),
+            (lambda sky: (sky / "posy.exr").write_bytes(b"?"), "posy.exr"),
+            (lambda sky: (sky / "negz.exr").rename(sky / "front.exr"), "No such file"),
+        ],
+        ids=["missing", "doubled", "sizes", "no image", "no file"],
+    )
+    def test_a_wrong_cubemap_is_one_line_before_anything_is_rendered(self, lumipath, fake, tmp_path, change, message):
+        write_faces(tmp_path)
+        change(tmp_path / "sky")
+        code, out, err = lumipath("render", "glass", "-w", 4, "-c", "sky/negz.exr")
+        assert (code, out, fake) == (3, "", [])
+        assert err.startswith("lumipath: error: ")
+        assert message in err
+        assert err.count("\n") == 1
+
+    @pytest.mark.parametrize("name", ["sky", "sky/readme.png"])
+    def test_a_cubemap_is_named_by_a_face(self, lumipath, fake, tmp_path, name):
+        write_faces(tmp_path)
+        (tmp_path / "sky" / "readme.png").touch()
+        code, _, err = lumipath("render", "glass", "-c", name)
+        assert (code, fake) == (3, [])
+        assert "name a file in it" in err or "must contain pos or neg" in err
 
     def test_no_device(self, lumipath, fake):
         code, _, err = lumipath("render", "--device", "cuda")
