@@ -66,7 +66,7 @@ def test_the_stages_of_the_wavefront_compile_within_bounds(wide):
         assert stack == (4 * STACK if name in ("wf_extend", "wf_shadow") else 0), name
 
 
-@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field"])
+@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh"])
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
     from numba import types
 
