@@ -7,9 +7,14 @@ import pytest
 from parts import moved, quad
 from renders import renders
 
+from lumipath.accel.build import build_tree
+from lumipath.devices import cpu
+from lumipath.devices.focus import distance_at
 from lumipath.errors import UsageError
+from lumipath.pack.scene import pack_scene, pack_view
 from lumipath.rendering.session import Session, render
 from lumipath.scene import Camera, Material, PointLight, Scene, Sphere
+from lumipath.settings import RenderSettings
 
 WIDTH = 64
 SIZE = 1e-2
@@ -127,6 +132,20 @@ def test_a_pixel_is_brought_into_focus(device, camera, pixel):
     on_floor = (-1 - o[1]) / d[1] if d[1] < 0 else np.inf
     assert session.focus == pytest.approx(min(on_sphere, on_floor), rel=1e-5)
     assert min(on_sphere, on_floor) < 20
+
+
+def test_a_tree_is_built_for_picking_only_where_the_device_has_none_that_the_cpu_walks(monkeypatch):
+    built = []
+    monkeypatch.setattr(cpu, "build_tree", lambda *boxes, **options: built.append(1) or build_tree(*boxes, **options))
+    packed = pack_scene(Scene(shapes=ROOM))
+    view = pack_view(Camera(fov=50), RenderSettings(width=64, height=40))
+    uploaded = cpu.CpuDevice(1).upload(packed)
+    on_cpu = distance_at(packed, uploaded, view, (31, 20), 1)
+    assert len(built) == 1
+    # Another device's scene has a tree of another kind.
+    elsewhere = distance_at(packed, packed.scene, view, (31, 20), 1)
+    assert len(built) == 2
+    assert on_cpu == elsewhere == pytest.approx(4, abs=1e-2)
 
 
 def test_the_background_cannot_be_in_focus(device):
