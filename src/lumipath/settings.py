@@ -52,10 +52,29 @@ def _choice(choices: tuple[str, ...]) -> Callable[[Any, attrs.Attribute[Any], An
     return check
 
 
+def _are_pixels(value: Any, count: int) -> bool:
+    """Whether a value is a tuple of `count` whole numbers, none of them negative."""
+    return isinstance(value, tuple) and len(value) == count and all(type(v) is int and v >= 0 for v in value)
+
+
 def _crop(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
-    ok = isinstance(value, tuple) and len(value) == 4 and all(isinstance(v, int) and v >= 0 for v in value)
-    if not ok or value[0] >= value[2] or value[1] >= value[3]:
+    if not _are_pixels(value, 4) or value[0] >= value[2] or value[1] >= value[3]:
         raise _fail(attribute.name, value, "x0,y0,x1,y1 in pixels with x0 < x1 and y0 < y1")
+
+
+def _pixel(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+    if not _are_pixels(value, 2):
+        raise _fail(attribute.name, value, "x,y in pixels of the full image, from 0,0 at the top left")
+
+
+def _name_or_index(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, (str, int)):
+        raise _fail(attribute.name, value, "a name or a whole number")
+
+
+def _blades(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+    if type(value) is not int or not (value == 0 or 3 <= value <= 32):
+        raise _fail(attribute.name, value, "0 for a round aperture, or a whole number from 3 to 32")
 
 
 def _optional(check: Callable[..., None]) -> Any:
@@ -84,7 +103,9 @@ class RenderSettings:
     crop: tuple[int, int, int, int] | None = _option(
         None, "Render only the pixels x0 <= x < x1, y0 <= y < y1 of the full image.", _optional(_crop), "pixels"
     )
-    camera: str | int | None = _option(None, "Camera by name or index; the scene's first by default.", None)
+    camera: str | int | None = _option(
+        None, "Camera by name or index; the scene's first by default.", _optional(_name_or_index)
+    )
     sampler: str = _option("sobol", "Random numbers.", _choice(SAMPLERS), choices=SAMPLERS)
     hemisphere: str = _option(
         "cosine", "How diffuse surfaces draw directions.", _choice(HEMISPHERES), choices=HEMISPHERES
@@ -99,6 +120,18 @@ class RenderSettings:
     )
     focus: float | None = _option(
         None, "Distance of the plane in focus; the camera's own by default.", _optional(_real(1e-6, 1e9)), "metres"
+    )
+    focus_on: tuple[int, int] | None = _option(
+        None, "Focus on what the middle of this pixel of the full image shows, in place of focus.", _optional(_pixel)
+    )
+    blades: int | None = _option(
+        None, "Blades of the aperture, 3 to 32; 0 is a round one; the camera's own by default.", _optional(_blades)
+    )
+    blade_rotation: float | None = _option(
+        None,
+        "Turns the blades counter-clockwise from a corner on top; the camera's own by default.",
+        _optional(_real(-360.0, 360.0)),
+        "degrees",
     )
     exposure: float = _option(0.0, "Exposure of 8-bit images.", _real(-64.0, 64.0), "stops")
     tonemap: str = _option(
@@ -116,6 +149,10 @@ class RenderSettings:
         _choice(KERNELS),
         choices=KERNELS,
     )
+
+    def __attrs_post_init__(self) -> None:
+        if self.focus is not None and self.focus_on is not None:
+            raise UsageError(f"focus is {self.focus:g} and focus_on is {self.focus_on}: give one of them")
 
     def size(self, aspect: float) -> tuple[int, int]:
         """Width and height in pixels of the full image for a camera of this aspect ratio (width / height)."""
@@ -137,3 +174,12 @@ class RenderSettings:
         if self.crop[2] > width or self.crop[3] > height:
             raise UsageError(f"crop {self.crop} reaches outside the image of {width} x {height} pixels")
         return self.crop
+
+    def check_focus_on(self, width: int, height: int) -> None:
+        """Make sure that `focus_on` is a pixel of a full image of this size.
+
+        Raises:
+            UsageError: it lies outside.
+        """
+        if self.focus_on is not None and not (self.focus_on[0] < width and self.focus_on[1] < height):
+            raise UsageError(f"focus_on {self.focus_on} lies outside the image of {width} x {height} pixels")

@@ -47,6 +47,7 @@ class Session:
         self.device = SimpleNamespace(kind="cpu", name="Fake, 1 thread")
         self.build_seconds, self.compile_seconds = 0.1, float(os.environ.get("FAKE_COMPILE", 0.2))
         self.width, self.height = self.settings.size(scene.camera(self.settings.camera).aspect)
+        self.focus = 4.5 if self.settings.focus_on else 1.0
         self.samples = 0
         self.restarts = []
         MADE.append(self)

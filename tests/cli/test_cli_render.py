@@ -14,6 +14,17 @@ def files_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+def save_face(path, size, value=0.0):
+    Image(np.full((size, size, 3), value)).save(path)
+
+
+def write_faces(folder):
+    """Six faces of 4 x 4 pixels in the folder `sky`, each filled with its number."""
+    (folder / "sky").mkdir()
+    for number, face in enumerate(("posx", "negx", "posy", "negy", "posz", "negz")):
+        save_face(folder / "sky" / f"{face}.exr", 4, number)
+
+
 class TestOutput:
     def test_default_name_is_that_of_the_scene(self, lumipath, fake, tmp_path):
         code, out, err = lumipath("render", "bench-cornell", "-s", 2, "-w", 8)
@@ -49,7 +60,24 @@ class TestSettings:
         code, _, _ = lumipath(
             *("render", "cornell-box", "-s", 3, "-r", 5, "--size", "8x6", "--crop", "0,0,4,3", "--camera", 0),
             *("--sampler", "independent", "--hemisphere", "uniform", "--fresnel", "schlick", "--rr-depth", "off"),
-            *("--seed", 9, "--aperture", 0.1, "--focus", 2, "--exposure", 1.5, "--tonemap", "agx", "--threads", 1),
+            *(
+                "--seed",
+                9,
+                "--aperture",
+                0.1,
+                "--focus",
+                2,
+                "--blades",
+                6,
+                "--blade-rotation",
+                15,
+                "--exposure",
+                1.5,
+                "--tonemap",
+                "agx",
+                "--threads",
+                1,
+            ),
             *("--device", "cpu"),
         )
         assert code == 0
@@ -67,6 +95,8 @@ class TestSettings:
             seed=9,
             aperture=0.1,
             focus=2.0,
+            blades=6,
+            blade_rotation=15.0,
             exposure=1.5,
             tonemap="agx",
             threads=1,
@@ -93,6 +123,10 @@ class TestSettings:
             (("-s", "0"), "spp is 0: it must be"),
             (("--aperture", "wide"), "--aperture is 'wide': it must be a number"),
             (("--crop", "1,2"), "crop is (1, 2): it must be x0,y0,x1,y1"),
+            (("--focus-on", "1"), "focus_on is (1,): it must be x,y in pixels of the full image"),
+            (("--focus-on", "1;2"), "--focus-on is '1;2': it must be whole numbers with commas"),
+            (("--focus-on", "1,2", "--focus", 3), "focus is 3 and focus_on is (1, 2): give one of them"),
+            (("--blades", 2), "blades is 2: it must be 0 for a round aperture, or a whole number from 3 to 32"),
             (("--crop", "a"), "--crop is 'a': it must be whole numbers with commas"),
             (("--size", "640"), "--size is '640': it must be WIDTHxHEIGHT"),
             (("--size", "x"), "--size is 'x'"),
@@ -136,6 +170,44 @@ class TestScene:
         assert lumipath("render", "glass", "-w", 4, "--environment", "sky.exr")[0] == 0
         assert (fake[0].scene.environment.image == 0.25).all()
 
+    @pytest.mark.parametrize("flag", ["-c", "--cubemap"])
+    def test_one_face_of_a_cubemap_brings_the_others(self, lumipath, fake, tmp_path, flag):
+        write_faces(tmp_path)
+        assert lumipath("render", "glass", "-w", 4, flag, "sky/negz.exr")[0] == 0
+        image = fake[0].scene.environment.image
+        assert image.shape == (8, 16, 3)
+        # Straight ahead and straight up, by the numbers of the faces.
+        assert image[4, 8].tolist() == [5, 5, 5]
+        assert (image[0] == 2).all()
+
+    @pytest.mark.parametrize(
+        ("change", "message"),
+        [
+            (lambda sky: (sky / "posy.exr").unlink(), "its folder has no posy; a cubemap needs all of posx, negx"),
+            (lambda sky: (sky / "old_posy.png").touch(), "has a face twice: old_posy.png, posy.exr; keep one cubemap"),
+            (lambda sky: save_face(sky / "posy.exr", 2), "2 x 2 pixels, but posx.exr has 4 x 4; all faces must have"),
+            (lambda sky: (sky / "posy.exr").write_bytes(b"?"), "posy.exr"),
+            (lambda sky: (sky / "negz.exr").rename(sky / "front.exr"), "No such file"),
+        ],
+        ids=["missing", "doubled", "sizes", "no image", "no file"],
+    )
+    def test_a_wrong_cubemap_is_one_line_before_anything_is_rendered(self, lumipath, fake, tmp_path, change, message):
+        write_faces(tmp_path)
+        change(tmp_path / "sky")
+        code, out, err = lumipath("render", "glass", "-w", 4, "-c", "sky/negz.exr")
+        assert (code, out, fake) == (3, "", [])
+        assert err.startswith("lumipath: error: ")
+        assert message in err
+        assert err.count("\n") == 1
+
+    @pytest.mark.parametrize("name", ["sky", "sky/readme.png"])
+    def test_a_cubemap_is_named_by_a_face(self, lumipath, fake, tmp_path, name):
+        write_faces(tmp_path)
+        (tmp_path / "sky" / "readme.png").touch()
+        code, _, err = lumipath("render", "glass", "-c", name)
+        assert (code, fake) == (3, [])
+        assert "name a file in it" in err or "must contain pos or neg" in err
+
     def test_no_device(self, lumipath, fake):
         code, _, err = lumipath("render", "--device", "cuda")
         assert code == 4
@@ -162,6 +234,9 @@ class TestProgress:
         err = lumipath("render", "-s", 2, "-w", 4, "-v")[2]
         assert "compiling took 0.2 s" in err
         assert "RenderSettings(spp=2" in err
+
+    def test_the_distance_of_a_picked_focus_is_said(self, lumipath, fake):
+        assert "lumipath: in focus: 4.5 m, at pixel 1,2\n" in lumipath("render", "-w", 4, "--focus-on", "1,2")[2]
 
     def test_long_compilation_is_mentioned(self, lumipath, fake, monkeypatch):
         monkeypatch.setenv("FAKE_COMPILE", "3")

@@ -73,7 +73,7 @@ def test_the_stages_of_the_wavefront_compile_within_bounds(wide):
         assert stack == (4 * STACK if name in TRACING else 0), name
 
 
-@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field"])
+@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh"])
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
     from lumipath.devices.cuda.megakernel import make_vote
 

@@ -12,6 +12,7 @@ import typer
 
 import lumipath
 from lumipath.cli import _app
+from lumipath.cli._config import OLD_NAMES, WITHOUT_EFFECT, read_config
 from lumipath.cli._settings import SETTINGS, SHORT_FLAGS
 from lumipath.scenes import names
 from lumipath.settings import RenderSettings
@@ -175,6 +176,38 @@ def test_ray_examples_can_be_read(number):
 
     body = RAY_BLOCKS[number]
     parse_ray(body if "SBT-raytracer" in body else f"SBT-raytracer 1.0\n{body}")
+
+
+def test_configurations_can_be_read(tmp_path):
+    bodies = [body for language, body in FENCE.findall(read("docs/command-line.md")) if language == "json"]
+    assert bodies
+    for body in bodies:
+        (tmp_path / "params.json").write_text(body, encoding="utf-8")
+        assert read_config(tmp_path / "params.json") != RenderSettings()
+
+
+@pytest.mark.parametrize("key", [*OLD_NAMES, *WITHOUT_EFFECT, "anti_alias"])
+def test_every_key_of_the_student_tracer_is_documented(key):
+    assert f"`{key}`" in read("docs/command-line.md")
+
+
+def test_every_built_in_scene_has_a_picture_of_its_own_and_together_they_are_small():
+    page = read("docs/scenes.md")
+    folder = ROOT / "docs" / "images" / "scenes"
+    for name in names():
+        assert f"![{name}](images/scenes/{name}.jpg) | `{name}` |" in page
+    assert {path.name for path in folder.iterdir()} == {f"{name}.jpg" for name in names()}
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 600_000
+
+
+def test_the_script_of_the_pictures_runs(tmp_path):
+    script = ROOT / "docs" / "thumbnails.py"
+    run_python(
+        f"import runpy, pathlib; main = runpy.run_path({str(script)!r})['main'];"
+        "main(['cornell-box'], pathlib.Path('pictures'), width=16, spp=2)",
+        tmp_path,
+    )
+    assert lumipath.Image.load(tmp_path / "pictures" / "cornell-box.jpg").width == 16
 
 
 @pytest.mark.parametrize("name", ["render_a_file", "build_a_scene", "progressive"])

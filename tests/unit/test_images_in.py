@@ -227,6 +227,7 @@ def faces(tmp_path):
     flat = {face: np.ones((2, 2, 3)) for face in AXES}
     (tmp_path / "posx.txt").write_text("no image, so not a second posx")
     (tmp_path / "readme.png").write_text("no face")
+    (tmp_path / "._Sky_posx.exr").write_text("hidden, so not a second posx")
     return write_faces(tmp_path, flat, "Sky_{}.exr")
 
 

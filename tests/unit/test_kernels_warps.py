@@ -14,6 +14,7 @@ from lumipath.kernels.warps import (
     uniform_disc,
     uniform_hemisphere,
     uniform_hemisphere_pdf,
+    uniform_polygon,
     uniform_sphere,
     uniform_triangle,
 )
@@ -109,6 +110,35 @@ def test_points_of_the_triangle_are_uniform():
     first, second = (1 - a) ** 2, b / np.maximum(1 - a, 1e-12)
     cells = np.histogram2d(first, second, (20, 20), ((0, 1), (0, 1)))[0]
     assert chi_square(cells, np.ones_like(cells)) > ALPHA
+
+
+def inside_polygon(sides, turn, x, y):
+    """How far points lie within the regular polygon in the unit circle, as a fraction of what is possible."""
+    middles = 2 * np.pi * (turn + (np.arange(sides) + 0.5) / sides)
+    across = np.cos(middles)[:, None] * np.ravel(x) + np.sin(middles)[:, None] * np.ravel(y)
+    return (1 - across.max(axis=0) / np.cos(np.pi / sides)).reshape(np.shape(x))
+
+
+@pytest.mark.parametrize(("sides", "turn"), [(3, 0.25), (4, 0.0), (5, 0.9), (6, 0.3), (32, 0.99)])
+def test_points_of_the_polygon_are_uniform(sides, turn):
+    count = np.full(COUNT, sides, np.int32)
+    x, y = looped(lambda n, turn, u, v: uniform_polygon(n, turn, u, v), outputs=2)(count, turn, *numbers(5))
+    assert inside_polygon(sides, turn, x.astype(float), y.astype(float)).min() > -2e-6
+    # The share of each cell of a grid that lies in the polygon, by points 80 times as fine.
+    fine = (np.arange(1280) + 0.5) / 640 - 1
+    covered = inside_polygon(sides, turn, *np.meshgrid(fine, fine, indexing="ij")) > 0
+    expected = covered.reshape(16, 80, 16, 80).sum(axis=(1, 3))
+    cells = np.histogram2d(x, y, (16, 16), ((-1, 1), (-1, 1)))[0]
+    assert chi_square(cells, expected) > ALPHA
+
+
+def test_the_ends_of_the_square_stay_in_the_polygon():
+    sides = np.arange(3, 33).repeat(4).astype(np.int32)
+    u, v = (np.tile(np.float32(values), 30) for values in ([0, 1 - 2**-24] * 2, [0, 0, 1 - 2**-24, 1 - 2**-24]))
+    x, y = looped(lambda n, turn, u, v: uniform_polygon(n, turn, u, v), outputs=2)(sides, 0.0, u, v)
+    assert np.hypot(x, y).max() <= 1 + 1e-6
+    for n, a, b in zip(sides, x, y):
+        assert inside_polygon(n, 0.0, a, b) > -2e-6
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (0, 1 - 2**-24), (1 - 2**-24, 0), (1 - 2**-24, 1 - 2**-24), (0.5, 0.5)])

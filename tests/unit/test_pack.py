@@ -81,6 +81,9 @@ def test_settings_have_the_features_that_they_use():
     assert mask(rr_depth=None, fresnel="schlick") == layout.SCHLICK_FRESNEL
     assert mask(Camera(aperture=0.1), rr_depth=None) == layout.LENS
     assert mask(Camera(aperture=0.1), rr_depth=None, aperture=0.0) == 0
+    assert mask(Camera(aperture=0.1, blades=6), rr_depth=None) == layout.LENS | layout.BLADES
+    assert mask(Camera(aperture=0.1, blades=6), rr_depth=None, blades=0) == layout.LENS
+    assert mask(Camera(blades=6), rr_depth=None, blades=5) == 0
 
 
 def test_a_normal_map_that_only_repeats_the_faces_is_not_smooth():

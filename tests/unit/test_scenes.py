@@ -6,7 +6,19 @@ import pytest
 
 from lumipath.cli._summary import scene_bounds
 from lumipath.errors import SceneError
-from lumipath.scene import Camera, Cone, Mesh, Scene, Sphere
+from lumipath.pack import layout
+from lumipath.pack.scene import pack_scene
+from lumipath.scene import (
+    AmbientLight,
+    Camera,
+    Cone,
+    DirectionalLight,
+    Mesh,
+    PointLight,
+    Scene,
+    Sphere,
+    Texture,
+)
 from lumipath.scenes import DEFAULT, builtin, names
 
 TRIANGLES = {
@@ -59,6 +71,39 @@ class TestEveryScene:
 @pytest.mark.parametrize(("name", "count"), TRIANGLES.items())
 def test_triangle_counts(name, count):
     assert builtin(name).triangle_count == count
+
+
+def test_together_they_use_all_that_a_scene_can_have():
+    scenes = [builtin(name) for name in names() if "blob" not in name]
+    used = 0
+    for scene in scenes:
+        used |= pack_scene(scene).scene.features.mask
+    # The bits of layout up to MANY_LIGHTS are those of scenes; the rest belong to settings and trees.
+    assert used == 2 * layout.MANY_LIGHTS - 1
+    assert {type(light) for scene in scenes for light in scene.lights} == {PointLight, DirectionalLight, AmbientLight}
+    assert {camera.blades > 0 for scene in scenes for camera in scene.cameras if camera.aperture > 0} == {True, False}
+
+
+def test_every_kind_of_shape_has_a_texture():
+    scene = builtin("textured-primitives")
+    plain = {shape.name for shape in scene.shapes if not any(isinstance(lobe, Texture) for lobe in lobes_of(shape))}
+    assert plain == {"floor"}
+    assert {type(shape) for shape in scene.shapes} == {Mesh, Sphere, Cone}
+
+
+def lobes_of(shape):
+    return (shape.material.diffuse, shape.material.specular, shape.material.emission)
+
+
+def test_the_room_of_the_cubemap_has_its_sides_where_they_belong():
+    environment = builtin("cubemap").environment
+    height, width, _ = environment.image.shape
+    # Above the middle, where the windows have a bar.
+    middle = environment.image[height // 2 - 24 : height // 2 - 8]
+    # Ahead is blue, the left green, and on the right the window is bright.
+    assert middle[:, width // 2 - 8 : width // 2 + 8].mean(axis=(0, 1)).argmax() == 2
+    assert middle[:, width // 4 - 8 : width // 4 + 8].mean(axis=(0, 1)).argmax() == 1
+    assert middle[:, 3 * width // 4 + 8 : 3 * width // 4 + 24].min() > 4
 
 
 def test_descriptions_are_one_line():

@@ -43,6 +43,16 @@ def test_every_field_says_what_it_means(attribute):
         ("aperture", float("nan")),
         ("focus", 0.0),
         ("focus", float("inf")),
+        ("focus_on", (1,)),
+        ("focus_on", (1, -1)),
+        ("focus_on", (True, 1)),
+        ("focus_on", (1.0, 1.0)),
+        ("focus_on", [1, 1]),
+        ("blades", 1),
+        ("blades", 33),
+        ("blades", 6.0),
+        ("blade_rotation", 361),
+        ("camera", 1.5),
         ("exposure", float("nan")),
         ("exposure", 100.0),
         ("tonemap", "film"),
@@ -55,7 +65,9 @@ def test_wrong_values_name_the_field(name, value):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["height", "crop", "camera", "rr_depth", "aperture", "focus", "threads"])
+@pytest.mark.parametrize(
+    "name", ["height", "crop", "camera", "rr_depth", "aperture", "focus", "focus_on", "blades", "threads"]
+)
 def test_optional_fields_may_be_none(name):
     assert getattr(RenderSettings(**{name: None}), name) is None
 
@@ -76,3 +88,16 @@ def test_size(width, height, aspect, size):
 def test_too_many_pixels():
     with pytest.raises(UsageError, match="choose a smaller size"):
         RenderSettings(width=MAX_SIDE, height=MAX_SIDE).size(1.0)
+
+
+def test_a_pixel_to_focus_on_lies_in_the_image():
+    settings = RenderSettings(focus_on=(7, 3))
+    settings.check_focus_on(8, 4)
+    for size in ((7, 4), (8, 3)):
+        with pytest.raises(UsageError, match=r"^focus_on \(7, 3\) lies outside the image of \d x \d pixels$"):
+            settings.check_focus_on(*size)
+
+
+def test_there_is_one_way_to_focus():
+    with pytest.raises(UsageError, match=r"^focus is 2 and focus_on is \(1, 1\): give one of them$"):
+        RenderSettings(focus=2.0, focus_on=(1, 1))

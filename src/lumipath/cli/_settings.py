@@ -20,7 +20,8 @@ SHORT_FLAGS = {"spp": "-s", "max_depth": "-r", "width": "-w"}
 
 _NO_VALUE = ("off", "none", "auto")
 _KIND_NAMES = {int: "a whole number", float: "a number"}
-_METAVARS = {int: "N", float: "X", str: "TEXT", tuple: "X0,Y0,X1,Y1"}
+_METAVARS = {int: "N", float: "X", str: "TEXT"}
+_TUPLE_METAVARS = {2: "X,Y", 4: "X0,Y0,X1,Y1"}
 _DEFAULTS = RenderSettings()
 
 
@@ -31,6 +32,8 @@ class Setting:
     name: str
     kind: type
     """int, float, str, or tuple (of whole numbers)."""
+    length: int
+    """Of the tuple; 0 for anything else."""
     may_be_off: bool
     help: str
     unit: str
@@ -41,13 +44,17 @@ class Setting:
         """The long flag."""
         return "--" + self.name.replace("_", "-")
 
+    def means_off(self, text: str) -> bool:
+        """Whether `text` is one of the words that stand for None."""
+        return self.may_be_off and self.kind is not str and text.lower() in _NO_VALUE
+
     def parse(self, text: str, source: str) -> Any:
         """The value that `text` stands for; `source` is the flag, for the message.
 
         Raises:
             UsageError: it is no number where one is needed. Ranges and choices are left to RenderSettings.
         """
-        if self.may_be_off and self.kind is not str and text.lower() in _NO_VALUE:
+        if self.means_off(text):
             return None
         try:
             if self.kind is tuple:
@@ -65,7 +72,7 @@ class Setting:
 
     def metavar(self, default: Any) -> str:
         """What stands for the value in the help."""
-        name = "|".join(self.choices) or _METAVARS[self.kind]
+        name = "|".join(self.choices) or (_TUPLE_METAVARS[self.length] if self.length else _METAVARS[self.kind])
         return f"{name}|off" if self.may_be_off and default is not None else name
 
     def parameter(self, default: Any) -> inspect.Parameter:
@@ -78,22 +85,23 @@ class Setting:
         )
 
 
-def _kind_of(annotation: Any) -> tuple[type, bool]:
-    """The one type to parse for an annotation such as `int | None`, and whether None is possible."""
+def _kind_of(annotation: Any) -> tuple[type, int, bool]:
+    """The one type to parse for an annotation such as `int | None`, the length of a tuple, whether None is possible."""
     members = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
     # A camera is a name or an index: a text can be both.
     kind = str if str in members else next(member for member in members if member is not types.NoneType)
-    return typing.get_origin(kind) or kind, types.NoneType in members
+    return typing.get_origin(kind) or kind, len(typing.get_args(kind)), types.NoneType in members
 
 
 def _all_settings() -> dict[str, Setting]:
     hints = typing.get_type_hints(RenderSettings)
     settings = {}
     for attribute in attrs.fields(RenderSettings):
-        kind, may_be_off = _kind_of(hints[attribute.name])
+        kind, length, may_be_off = _kind_of(hints[attribute.name])
         settings[attribute.name] = Setting(
             name=attribute.name,
             kind=kind,
+            length=length,
             may_be_off=may_be_off,
             help=attribute.metadata["help"],
             unit=attribute.metadata["unit"],
@@ -192,4 +200,8 @@ def settings_from(given: Iterable[Given], base: RenderSettings = _DEFAULTS) -> R
                 f"{item.name} is given twice, as {before.source} {before.text} and {item.source} {item.text}; keep one"
             )
         values[item.name] = value
+    # Two ways to focus exclude each other: what is given here takes the place of either in `base`.
+    for one, other in (("focus", "focus_on"), ("focus_on", "focus")):
+        if values.get(one) is not None:
+            values.setdefault(other, None)
     return attrs.evolve(base, **values)

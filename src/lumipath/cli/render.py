@@ -13,6 +13,7 @@ import typer
 
 from ..errors import UsageError
 from ..settings import PROGRESS_MODES, RenderSettings
+from ._config import read_config
 from ._device import DeviceOption, GpuFlag, device_from
 from ._progress import Reporter, Summary, make_reporter
 from ._scene import DEFAULT_SCENE, SceneArgument, open_scene, scene_stem
@@ -47,6 +48,9 @@ def render(
     environment: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Environment: an equirectangular image.")
     ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", "-j", metavar="FILE", help="Settings from a JSON file; flags beat it.")
+    ] = None,
     define: Annotated[
         list[str] | None, typer.Option("--define", "-D", metavar="KEY=VALUE", help="Any setting by its name.")
     ] = None,
@@ -65,7 +69,8 @@ def render(
     """
     from ..rendering.image import check_writable
 
-    settings = settings_from([*from_flags(flags), *from_size(size), *from_definitions(define or [])])
+    base = read_config(config) if config is not None else RenderSettings()
+    settings = settings_from([*from_flags(flags), *from_size(size), *from_definitions(define or [])], base)
     target = output or Path(scene_stem(scene) + ".png")
     check_writable(target)
     with make_reporter(progress, quiet) as reporter:
@@ -109,6 +114,8 @@ def _prepare(scene: Scene, settings: RenderSettings, device: str, reporter: Repo
     for seconds, what in ((session.build_seconds, "preparing the scene"), (session.compile_seconds, "compiling")):
         if seconds > _SLOW or verbose:
             reporter.message(f"{what} took {seconds:.1f} s")
+    if settings.focus_on is not None:
+        reporter.message(f"in focus: {session.focus:.6g} m, at pixel {settings.focus_on[0]},{settings.focus_on[1]}")
     if verbose:
         reporter.message(f"{session.width} x {session.height} pixels on {session.device.kind} ({session.device.name})")
         reporter.message(f"{settings}")

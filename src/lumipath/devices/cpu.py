@@ -42,6 +42,15 @@ def processor_name() -> str:
     return platform.processor() or platform.machine() or "CPU"
 
 
+def with_cpu_tree(packed: Packed, threads: int | None = None) -> PackedScene:
+    """The scene with the 8-wide tree that the CPU walks, built by so many threads (all cores where None)."""
+    geometry = packed.geometry
+    lower, upper = geometry.bounds()
+    tree = build_tree(lower, upper, max_leaf=WIDTH, block=WIDTH, threads=threads or usable_cores())
+    accel = widen(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid())
+    return packed.scene._replace(accel=accel)
+
+
 class CpuDevice:
     """Renders with threads that run compiled code without Python's lock."""
 
@@ -55,11 +64,7 @@ class CpuDevice:
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the 8-wide tree; the arrays stay where they are."""
-        geometry = packed.geometry
-        lower, upper = geometry.bounds()
-        tree = build_tree(lower, upper, max_leaf=WIDTH, block=WIDTH, threads=self.threads)
-        accel = widen(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid())
-        return packed.scene._replace(accel=accel)
+        return with_cpu_tree(packed, self.threads)
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
         """Compile the renderer for this scene's features, or load it from the disk."""

@@ -45,7 +45,8 @@ def find_faces(path: Path) -> dict[str, Path]:
     suffixes = _SUFFIXES | {path.suffix.lower()}
     found: dict[str, list[Path]] = {face: [] for face in FACES}
     for file in _listed(path.parent):
-        face = face_of(file)
+        # Some systems put a hidden file of notes beside each file.
+        face = face_of(file) if not file.name.startswith(".") else None
         if face is not None and file.suffix.lower() in suffixes and file.is_file():
             found[face].append(file)
     missing = [face for face, files in found.items() if not files]

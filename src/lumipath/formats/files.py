@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import ImageError, SceneError
+from ..errors import LumipathError, SceneError
 
 
-def require_file(path: Path, error: type[SceneError] | type[ImageError] = SceneError) -> None:
+def require_file(path: Path, error: type[LumipathError] = SceneError) -> None:
     """Make sure that `path` is a regular file that may be read.
 
     Raises:
-        SceneError or ImageError (`error`): it is missing, a folder, or may not be read; the message says which.
+        LumipathError: of the class `error`: it is missing, a folder, or may not be read; the message says which.
     """
     try:
         if path.is_dir():

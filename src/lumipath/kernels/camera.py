@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ..lang import f32, kernel, load4
-from ..pack.layout import LENS
+from ..lang import f32, i32, kernel, load4
+from ..pack.layout import BLADES, LENS
 from .rays import endless_ray
 from .vectors import normalize, xyz
-from .warps import uniform_disc
+from .warps import uniform_disc, uniform_polygon
 
 
 @kernel
@@ -15,6 +15,19 @@ def pinhole_ray(scene, view, x, y, numbers):
     lens = view.lens
     d = xyz(load4(lens, 4)) * x + xyz(load4(lens, 8)) * y - xyz(load4(lens, 12))
     return endless_ray(xyz(load4(lens, 0)), normalize(d))
+
+
+@kernel
+def round_lens(scene, view, u, v):
+    """A point of a round aperture of radius 1."""
+    return uniform_disc(u, v)
+
+
+@kernel(needs=BLADES, otherwise=round_lens)
+def lens_point(scene, view, u, v):
+    """A point of an aperture that straight blades close; its corners lie at radius 1."""
+    blades = load4(view.lens, 16)
+    return uniform_polygon(i32(blades[0]), blades[1], u, v)
 
 
 @kernel(needs=LENS, otherwise=pinhole_ray)
@@ -26,7 +39,7 @@ def lens_ray(scene, view, x, y, numbers):
     up = load4(lens, 8)
     focus = right[3]
     in_focus = (xyz(right) * x + xyz(up) * y - xyz(load4(lens, 12))) * focus
-    u, v = uniform_disc(numbers.c, numbers.d)
+    u, v = lens_point(scene, view, numbers.c, numbers.d)
     start = xyz(right) * (u * position[3]) + xyz(up) * (v * position[3])
     return endless_ray(xyz(position) + start, normalize(in_focus - start))
 

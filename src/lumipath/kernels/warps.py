@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..lang import INV_PI, TWO_PI, Vec3, f32, kernel, sqrt
-from .functions import cos_sin_turn
+from ..lang import INV_PI, TWO_PI, Vec3, f32, i32, kernel, sqrt
+from .functions import cos_sin_turn, floor_int
 
 
 @kernel
@@ -62,6 +62,28 @@ def uniform_triangle(u, v):
         return a, v - a
     b = v * 0.5
     return u - b, b
+
+
+@kernel
+def polygon_corner(sides, turn, k):
+    """Corner k of the regular polygon in the unit circle; corner 0 lies `turn` turns counter-clockwise from +x."""
+    angle = turn + f32(k) / f32(sides)
+    return cos_sin_turn(angle - f32(floor_int(angle)))
+
+
+@kernel
+def uniform_polygon(sides, turn, u, v):
+    """A point of that polygon (3 sides or more), uniform over its area.
+
+    The polygon is cut into equal triangles about its centre. The whole part of u * sides chooses one of them, and what
+    is left of it draws the point in that triangle.
+    """
+    scaled = u * f32(sides)
+    k = floor_int(scaled)
+    a, b = uniform_triangle(scaled - f32(k), v)
+    x0, y0 = polygon_corner(sides, turn, k)
+    x1, y1 = polygon_corner(sides, turn, i32(k + 1))
+    return a * x0 + b * x1, a * y0 + b * y1
 
 
 SPHERE_AREA = f32(2.0) * TWO_PI

@@ -31,6 +31,7 @@ SCHLICK_FRESNEL = 1 << 15
 LENS = 1 << 16
 ROULETTE = 1 << 17
 WIDE_TREE = 1 << 18
+BLADES = 1 << 22
 
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
@@ -108,10 +109,16 @@ class PackedScene(NamedTuple):
     environment_probability: f32  # of choosing the environment among the lights
 
 
+# ---- View.lens: where the distance of the plane in focus is
+FOCUS = i32(7)
+
+
 class View(NamedTuple):
     """Camera, film and limits of one render, as kernels see them."""
 
-    lens: NDArray[Any]  # (16,) float32: position, aperture; right, focus; up, half height; backward, half width
+    # (20,) float32: position, aperture; right, focus; up, half height; backward, half width;
+    # blades of the aperture, turn of their first corner from the right (turns), unused, unused
+    lens: NDArray[Any]
     width: i32  # of the full image, pixels
     height: i32
     left: i32  # of the part on the film

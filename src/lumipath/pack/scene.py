@@ -106,27 +106,34 @@ def settings_features(settings: RenderSettings, camera: Camera) -> int:
     mask |= layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0
     mask |= layout.ROULETTE if settings.rr_depth is not None and settings.rr_depth < settings.max_depth else 0
     aperture = camera.aperture if settings.aperture is None else settings.aperture
-    return mask | (layout.LENS if aperture > 0 else 0)
+    blades = camera.blades if settings.blades is None else settings.blades
+    mask |= layout.LENS if aperture > 0 else 0
+    return mask | (layout.BLADES if aperture > 0 and blades > 0 else 0)
 
 
 def pack_view(camera: Camera, settings: RenderSettings) -> View:
     """Camera, film and limits.
 
     Raises:
-        UsageError: the crop lies outside the image, or the image is too large.
+        UsageError: the crop or the pixel to focus on lies outside the image, or the image is too large.
     """
     width, height = settings.size(camera.aspect)
     left, top, right, bottom = settings.crop_of(width, height)
+    settings.check_focus_on(width, height)
     axes = camera.axes()
     half_height = math.tan(math.radians(camera.fov) / 2)
-    lens = np.zeros((4, 4), np.float32)
+    lens = np.zeros((5, 4), np.float32)
     lens[0, :3] = camera.position
-    lens[1:, :3] = axes
+    lens[1:4, :3] = axes
     lens[0, 3] = camera.aperture if settings.aperture is None else settings.aperture
     lens[1, 3] = camera.focus if settings.focus is None else settings.focus
     lens[2, 3] = half_height
     # The shape of the pixels follows the image, so that nothing is distorted.
     lens[3, 3] = half_height * width / height
+    lens[4, 0] = camera.blades if settings.blades is None else settings.blades
+    rotation = camera.blade_rotation if settings.blade_rotation is None else settings.blade_rotation
+    # The first corner points up, a quarter turn from the right.
+    lens[4, 1] = (rotation / 360 + 0.25) % 1.0
     return View(
         lens=aligned(lens.reshape(-1)),
         width=i32(width),

@@ -13,9 +13,10 @@ from attrs import frozen
 from .. import __version__
 from ..devices import open_device, warn_of_fallback
 from ..devices.device import Device
-from ..errors import DeviceError, LumipathWarning
+from ..errors import DeviceError, LumipathWarning, UsageError
 from ..lang import Features, u32
-from ..pack.scene import pack_scene, pack_view, settings_features
+from ..pack import layout
+from ..pack.scene import Packed, pack_scene, pack_view, settings_features
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from .film import Film
@@ -60,6 +61,7 @@ class Session:
         settings: the settings in force.
         device: what renders; its `name` is for people.
         film: the sums so far.
+        focus: distance of the plane in focus along the viewing direction, metres.
         build_seconds: time that packing and tree building took.
         compile_seconds: time that compiling the kernels, or loading them from the disk, took.
 
@@ -90,13 +92,31 @@ class Session:
     def _prepare(self, camera: Camera) -> None:
         """Bring the scene to the device, and compile the kernels for what it uses."""
         start = time.perf_counter()
-        packed = self.device.upload(pack_scene(self.scene))
+        host = pack_scene(self.scene)
+        packed = self.device.upload(host)
         features = packed.features.mask | settings_features(self.settings, camera)
+        if self.settings.focus_on is not None:
+            focus = self._distance_of(self.settings.focus_on, host, packed)
+            self._view = pack_view(camera, attrs.evolve(self.settings, focus=focus, focus_on=None))
         self._packed = packed._replace(features=Features(features))
         self.build_seconds = time.perf_counter() - start
         start = time.perf_counter()
         self.device.compile(self._packed, self._view, self.film.arrays)
         self.compile_seconds = time.perf_counter() - start
+
+    def _distance_of(self, pixel: tuple[int, int], host: Packed, packed: layout.PackedScene) -> float:
+        """How far away what a pixel shows is, along the viewing direction."""
+        from ..devices.focus import distance_at
+
+        distance = distance_at(host, packed, self._view, pixel, self.settings.threads)
+        if distance == float("inf"):
+            raise UsageError(f"focus_on {pixel} shows only the background; name a pixel that shows a surface")
+        return distance
+
+    @property
+    def focus(self) -> float:
+        """Distance of the plane in focus along the viewing direction, metres."""
+        return float(self._view.lens[layout.FOCUS])
 
     @property
     def width(self) -> int:

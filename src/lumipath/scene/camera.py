@@ -32,6 +32,8 @@ class Camera:
         aspect: width / height of the image.
         aperture: radius of the lens, metres; 0 is a pinhole: everything is sharp.
         focus: distance of the plane in focus along `direction`, metres.
+        blades: sides of the aperture, 3 to 32, whose corners lie at the radius `aperture`; 0 is a round one.
+        blade_rotation: of the aperture, degrees counter-clockwise as the camera sees it; at 0 a corner points up.
         name: for `--camera NAME`.
     """
 
@@ -42,14 +44,21 @@ class Camera:
     aspect: float = 1.0
     aperture: float = 0.0
     focus: float = 1.0
+    blades: int = 0
+    blade_rotation: float = 0.0
     name: str = ""
 
     def __attrs_post_init__(self) -> None:
-        limits = (("fov", 1e-3, 179.9), ("aspect", 1e-3, 1e3), ("aperture", 0.0, 1e6), ("focus", 1e-6, 1e9))
+        limits = (
+            *(("fov", 1e-3, 179.9), ("aspect", 1e-3, 1e3), ("aperture", 0.0, 1e6), ("focus", 1e-6, 1e9)),
+            ("blade_rotation", -360.0, 360.0),
+        )
         for name, low, high in limits:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
                 raise SceneError(f"camera: {name} is {value!r}: it must be a number from {low:g} to {high:g}")
+        if type(self.blades) is not int or not (self.blades == 0 or 3 <= self.blades <= 32):
+            raise SceneError(f"camera: blades is {self.blades!r}: it must be 0 for a round aperture, or from 3 to 32")
         right, _, _ = self.axes()
         if not np.isfinite(right).all():
             raise SceneError(f"camera: direction {self.direction} and up {self.up} must point in different ways")
