@@ -96,6 +96,13 @@ class Compiled(NamedTuple):
     report: str
 
 
+def _constants_of(function: Any) -> tuple[Any, ...]:
+    """The integers that a function, and the kernels made together with it, take from where they were made."""
+    values = [cell.cell_contents for cell in getattr(function, "py_func", function).__closure__ or ()]
+    inner = tuple(_constants_of(value) for value in values if hasattr(value, "py_func"))
+    return tuple(value for value in values if isinstance(value, int)) + inner
+
+
 def compile_cubin(
     function: FunctionType, signature: tuple[Any, ...], capability: tuple[int, int], max_registers: int = 0
 ) -> Compiled:
@@ -109,8 +116,14 @@ def compile_cubin(
     """
     from importlib.metadata import version
 
-    constants = tuple(cell.cell_contents for cell in function.__closure__ or () if isinstance(cell.cell_contents, int))
-    names = (function.__qualname__, constants, str(signature), capability, max_registers, version("numba-cuda"))
+    names = (
+        function.__qualname__,
+        _constants_of(function),
+        str(signature),
+        capability,
+        max_registers,
+        version("numba-cuda"),
+    )
     key = hashlib.sha256(repr(names).encode()).hexdigest()[:32]
     path = cache_folder() / f"{function.__name__}-{key}.cubin"
     try:

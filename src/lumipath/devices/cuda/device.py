@@ -12,11 +12,11 @@ from ...accel.build import build_tree
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
 from ...errors import DeviceError
 from ...lang import Features
-from ...pack.layout import WIDE_TREE, FilmArrays, PackedScene, View
+from ...pack.layout import PIXEL_INTEGRATORS, WIDE_TREE, FilmArrays, PackedScene, View
 from ...pack.scene import Packed
 from ..device import DeviceInfo
 from .driver import DeviceArray, Gpu, device_count
-from .schedulers import Megakernel, Scheduler, Wavefront
+from .schedulers import Megakernel, Pixels, Scheduler, Wavefront
 
 # Below this many primitives a binary tree that is walked to its end is faster than voting over a wide one (measured).
 SMALL_SCENE = 2000
@@ -57,7 +57,9 @@ class CudaDevice:
         """Compile the kernels for this scene's features, or load it from the disk."""
         self._gpu.open()
         # The megakernel was faster on every scene that was measured.
-        scheduler = Wavefront if self._which == "wavefront" else Megakernel
+        scheduler: type[Scheduler] = Wavefront if self._which == "wavefront" else Megakernel
+        if scene.features.mask & PIXEL_INTEGRATORS:
+            scheduler = Pixels
         self._scheduler = scheduler(self._gpu, scene, self._stack)
 
     def next_stop(self, done: int, pixels: int) -> int:

@@ -12,6 +12,7 @@ from ...pack.layout import DIELECTRICS, MIRRORS, QUADRICS, VERTEX_DATA, WIDE_TRE
 from .arguments import FILM_TYPE, VIEW_TYPE, type_of
 from .driver import DeviceArray, Gpu, Kernel, flatten_arguments, pointers_to
 from .megakernel import BLOCK, BLOCKS_PER_MULTIPROCESSOR, make_refill, make_vote
+from .pixels import make_pixels
 from .wavefront import COUNTERS, ROWS, make_wavefront
 
 _RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS
@@ -28,6 +29,11 @@ class Scheduler(Protocol):
         """Add the samples first .. last - 1 of every pixel to the film; returns when they are done."""
 
 
+def work_items(view: Any) -> int:
+    """How many lanes cover the film in tiles of 8 x 4 pixels."""
+    return -(-int(view.film_width) // 8) * 8 * (-(-int(view.film_height) // 4) * 4)
+
+
 class Megakernel:
     """Whole paths in one kernel."""
 
@@ -41,7 +47,7 @@ class Megakernel:
 
     def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> None:
         """Add the samples first .. last - 1 of every pixel to the film; returns when they are done."""
-        items = -(-int(view.film_width) // 8) * 8 * (-(-int(view.film_height) // 4) * 4)
+        items = work_items(view)
         blocks = -(-items // BLOCK)
         if self._shares:
             blocks = min(blocks, self._gpu.multiprocessors * BLOCKS_PER_MULTIPROCESSOR)
@@ -50,6 +56,22 @@ class Megakernel:
         numbers = (np.int64(items), np.int64(first), np.int64(last))
         values = pointers_to(flatten_arguments((scene, view, film, self._counters, *numbers)))
         self.kernel.launch(blocks, BLOCK, values)
+        self._gpu.synchronize()
+
+
+class Pixels:
+    """One thread a pixel, for the integrators that have no paths."""
+
+    def __init__(self, gpu: Gpu, scene: Any, stack: int) -> None:
+        made = compile_pixels(scene_arguments(scene), gpu.capability, stack)
+        self.kernel = Kernel(made.cubin, made.name)
+        self._gpu = gpu
+
+    def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> None:
+        """Add the samples first .. last - 1 of every pixel to the film; returns when they are done."""
+        items = work_items(view)
+        numbers = (np.int64(items), np.int64(first), np.int64(last))
+        self.kernel.launch(-(-items // BLOCK), BLOCK, pointers_to(flatten_arguments((scene, view, film, *numbers))))
         self._gpu.synchronize()
 
 
@@ -120,6 +142,11 @@ def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stac
         kernel, registers = make_refill(stack, 18), 64
     arguments = (*scene, types.Array(types.uint32, 1, "C"), *([types.int64] * 3))
     return compile_cubin(kernel, arguments, capability, registers)
+
+
+def compile_pixels(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> Compiled:
+    """The kernel of one thread a pixel for argument types."""
+    return compile_cubin(make_pixels(stack), (*scene, *([types.int64] * 3)), capability)
 
 
 def compile_wavefront(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> dict[str, Compiled]:
