@@ -13,6 +13,7 @@ from attrs import field, frozen
 
 from .errors import UsageError
 
+INTEGRATORS = ("path", "whitted", "albedo", "normal", "depth", "ao")
 SAMPLERS = ("sobol", "independent")
 HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
@@ -105,6 +106,18 @@ class RenderSettings:
     )
     camera: str | int | None = _option(
         None, "Camera by name or index; the scene's first by default.", _optional(_name_or_index)
+    )
+    integrator: str = _option(
+        "path",
+        "What a pixel shows: path tracing, classic recursive ray tracing, or a quick look at the first surface.",
+        _choice(INTEGRATORS),
+        choices=INTEGRATORS,
+    )
+    ao_distance: float | None = _option(
+        None,
+        "How far surfaces occlude each other for ao; a tenth of the scene's extent by default.",
+        _optional(_real(1e-6, 1e9)),
+        "metres",
     )
     sampler: str = _option("sobol", "Random numbers.", _choice(SAMPLERS), choices=SAMPLERS)
     hemisphere: str = _option(

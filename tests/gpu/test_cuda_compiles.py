@@ -10,13 +10,14 @@ from lumipath import builtin
 from lumipath.accel.build import build_tree
 from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
 from lumipath.devices.cuda.arguments import FILM_TYPE, VIEW_TYPE, type_of
-from lumipath.devices.cuda.schedulers import compile_megakernel, compile_wavefront
+from lumipath.devices.cuda.schedulers import compile_megakernel, compile_pixels, compile_wavefront
 from lumipath.devices.cuda.wavefront import TRACING
 from lumipath.devices.cuda.work import WORK_TYPE
 from lumipath.lang import Features
 from lumipath.lang.cuda import compile_ptx
 from lumipath.pack.layout import WIDE_TREE
 from lumipath.pack.scene import pack_scene, settings_features
+from lumipath.scene import DirectionalLight, PointLight
 from lumipath.settings import RenderSettings
 
 STACK = 64
@@ -24,15 +25,16 @@ STACK = 64
 CAPABILITIES = [(7, 5), (8, 0), (9, 0), (12, 0)]
 
 
-def arguments(name, *, wide):
-    """Argument types of the kernels for a built-in scene."""
+def arguments(name, *, wide, lights=(), **settings):
+    """Argument types of the kernels for a built-in scene with further lights."""
     scene = builtin(name)
+    scene.lights += lights
     packed = pack_scene(scene)
     geometry = packed.geometry
     tree = build_tree(*geometry.bounds(), max_leaf=MAX_LEAF, block=1)
     accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=wide)
     assert depth <= STACK
-    mask = packed.scene.features.mask | settings_features(RenderSettings(), scene.camera(None))
+    mask = packed.scene.features.mask | settings_features(RenderSettings(**settings), scene.camera(None))
     features = Features(mask | (WIDE_TREE if wide else 0))
     return type_of(packed.scene._replace(accel=accel, features=features)), VIEW_TYPE, FILM_TYPE
 
@@ -71,6 +73,47 @@ def test_the_stages_of_the_wavefront_compile_within_bounds(wide):
         assert registers <= (96 if name == "shade" else 64), name
         # Only traversal has a stack; nothing spills.
         assert stack == (4 * STACK if name in TRACING else 0), name
+
+
+LOOKS = ("albedo", "normal", "depth", "ao")
+LIGHTS = [PointLight(position=(0, 1, 0)), DirectionalLight()]
+
+
+@pytest.mark.parametrize("integrator", LOOKS)
+def test_quick_looks_compile_within_bounds_and_spill_nothing(integrator):
+    signature = arguments("primitives", wide=True, integrator=integrator)
+    registers, stack = resources(compile_pixels(signature, (9, 0), STACK).report)
+    assert registers <= 80
+    assert stack == 4 * STACK
+
+
+@pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
+def test_whitted_ray_tracing_compiles_within_bounds(capability):
+    signature = arguments("glass", wide=True, lights=LIGHTS, integrator="whitted")
+    registers, stack = resources(compile_pixels(signature, capability, STACK).report)
+    assert registers <= 168
+    # One traversal stack for rays of both kinds, and 32 waiting rays of 11 numbers.
+    assert stack == 4 * STACK + 32 * 11 * 4
+
+
+@pytest.mark.parametrize("integrator", [*LOOKS, "whitted"])
+@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
+def test_no_integrator_computes_in_double_precision_or_calls_a_function(integrator, wide):
+    from lumipath.devices.cuda.pixels import make_pixels
+
+    signature = arguments("textures", wide=wide, lights=LIGHTS, integrator=integrator, aperture=0.1)
+    ptx = compile_ptx(make_pixels(STACK), (*signature, WORK_TYPE), (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert re.search(r"\.f32\s", body)
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
+
+
+def test_kernels_for_another_stack_are_other_kernels():
+    signature = arguments("bench-cornell", wide=True, integrator="depth")
+    _, shallow = resources(compile_pixels(signature, (9, 0), STACK).report)
+    _, deep = resources(compile_pixels(signature, (9, 0), 4 * STACK).report)
+    assert deep - shallow == 4 * 3 * STACK
 
 
 @pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh"])

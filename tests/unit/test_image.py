@@ -98,6 +98,15 @@ class TestRoundTrip:
         Image(pixels, {"seconds": 2.0}).save(tmp_path / "b.png")
         assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
+    @pytest.mark.parametrize("tonemap", ["none", "agx"])
+    def test_normals_are_shown_halved_and_moved_and_kept_in_exr(self, tmp_path, tonemap):
+        normals = Image(np.float32([[(-1, 0, 1), (0.6, -0.6, 0)]]), {"integrator": "normal"})
+        np.testing.assert_array_equal(normals.to_uint8(3.0, tonemap), [[(0, 128, 255), (204, 51, 128)]])
+        normals.save(tmp_path / "a.exr")
+        again = Image.load(tmp_path / "a.exr")
+        np.testing.assert_array_equal(again.pixels, normals.pixels)
+        np.testing.assert_array_equal(again.to_uint8(), normals.to_uint8())
+
     def test_exr_header(self, tmp_path, pixels):
         Image(pixels, METADATA).save(tmp_path / "a.exr")
         assert Image.load(tmp_path / "a.exr").metadata == METADATA

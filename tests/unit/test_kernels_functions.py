@@ -9,7 +9,15 @@ from kernel_calls import looped
 from lumipath.kernels.bsdf.dielectric import sample_dielectric
 from lumipath.kernels.bsdf.mirror import mirror_direction
 from lumipath.kernels.fresnel import dielectric_reflectance, refracted_cosine
-from lumipath.kernels.functions import acos_turn, atan2_turn, cos_sin_turn, exp_minus, floor_int, power_heuristic
+from lumipath.kernels.functions import (
+    acos_turn,
+    atan2_turn,
+    cos_sin_turn,
+    exp_minus,
+    floor_int,
+    power_heuristic,
+    unit_power,
+)
 from lumipath.kernels.materials import Lobes
 from lumipath.kernels.vectors import cross, dot, frame_around, length, normalize, to_local, to_world
 from lumipath.lang import Features, Vec3
@@ -42,6 +50,21 @@ def test_exp_of_minus_x_is_within_its_bound():
 def test_exp_of_minus_x_is_0_beyond_87_and_1_at_0():
     f = looped(lambda x: exp_minus(x))(np.float32([0, 87.001, 88, 1e4, 1e38, np.inf]))
     np.testing.assert_array_equal(f, [1, 0, 0, 0, 0, 0])
+
+
+def test_powers_of_0_to_1_are_within_their_bound():
+    f = looped(lambda x, n: unit_power(x, n))
+    x = np.concatenate([float32s(0, 1), 1 - float32s(0, 1e-4), 10 ** float32s(-30, 0)]).astype(np.float32)
+    for n in (0.0, 0.3, 1.0, 2.0, 96.078, 1e3, 1e6):
+        expected = x.astype(np.float64) ** np.float64(np.float32(n))
+        error = np.abs(f(x, np.float32(n)) - expected) / np.maximum(expected, 1e-300)
+        seen = expected > 1e-36
+        assert (error[seen] < 1e-6 * (1 - np.log(expected[seen]))).all(), n
+
+
+def test_powers_at_the_ends_of_0_to_1():
+    found = looped(lambda x, n: unit_power(x, n))(np.float32([0, 0, 0, 1, 1, 1]), np.float32([0, 1, 50, 0, 1, 1e9]))
+    np.testing.assert_array_equal(found, [1, 0, 0, 1, 1, 1])
 
 
 def test_the_angle_of_a_point_is_within_its_bound_all_around_and_at_any_distance():

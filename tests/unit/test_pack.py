@@ -14,6 +14,7 @@ from lumipath.pack import layout
 from lumipath.pack.geometry import quadric_box
 from lumipath.pack.scene import pack_scene, settings_features
 from lumipath.scene import (
+    AmbientLight,
     Box,
     Camera,
     Cone,
@@ -48,7 +49,7 @@ def mask_of(*shapes, lights=(), environment=None):
         ({"shapes": [Box(material=Material(transmissive=0.1))]}, layout.DIELECTRICS),
         ({"shapes": [Box(material=Material(transmissive=0.1, reflective=0.5))]}, layout.DIELECTRICS),
         ({"shapes": [Box(material=Material(diffuse=TEXTURE))]}, layout.TEXTURES),
-        ({"shapes": [Box(material=Material(ambient=TEXTURE))]}, 0),
+        ({"shapes": [Box(material=Material(ambient=TEXTURE))]}, layout.TEXTURES),
         ({"shapes": [Sphere()]}, layout.QUADRICS),
         ({"shapes": [Sphere(material=GLOW)]}, layout.QUADRICS | layout.QUADRIC_LIGHTS),
         ({"shapes": [Square(material=GLOW)]}, layout.TRIANGLE_LIGHTS),
@@ -84,6 +85,53 @@ def test_settings_have_the_features_that_they_use():
     assert mask(Camera(aperture=0.1, blades=6), rr_depth=None) == layout.LENS | layout.BLADES
     assert mask(Camera(aperture=0.1, blades=6), rr_depth=None, blades=0) == layout.LENS
     assert mask(Camera(blades=6), rr_depth=None, blades=5) == 0
+
+
+@pytest.mark.parametrize(
+    ("integrator", "bit"),
+    [
+        ("whitted", layout.WHITTED),
+        ("albedo", layout.ALBEDO),
+        ("normal", layout.NORMAL),
+        ("depth", layout.DEPTH),
+        ("ao", layout.OCCLUSION),
+    ],
+)
+def test_an_integrator_other_than_path_has_its_bit_and_only_those_that_it_uses(integrator, bit):
+    settings = RenderSettings(integrator=integrator, hemisphere="uniform", fresnel="schlick", sampler="independent")
+    assert settings_features(settings, Camera()) == bit | layout.INDEPENDENT_SAMPLER
+    assert settings_features(settings, Camera(aperture=0.1)) == bit | layout.INDEPENDENT_SAMPLER | layout.LENS
+    assert bit & layout.PIXEL_INTEGRATORS
+
+
+def test_phong_rows_hold_what_only_whitted_ray_tracing_reads():
+    materials = [
+        Material(ambient=(0.1, 0.2, 0.3), specular=0.5, shininess=20),
+        Material(specular=0.5, reflective=(0.1, 0.2, 0.3), shininess=20),
+        Material(specular=(0.4, 0.5, 0.6)),
+        Material(specular=0.5, reflective=0.0),
+        Material(ambient=TEXTURE),
+    ]
+    rows = pack_scene(Scene(shapes=[Box(material=material) for material in materials])).scene.phong
+    assert rows.shape == (5, layout.PHONG_SIZE)
+    ambient, highlight, mirror = (rows[:, k : k + 3] for k in (0, 4, 8))
+    np.testing.assert_allclose(ambient, [(0.1, 0.2, 0.3), (0,) * 3, (0,) * 3, (0,) * 3, (0.5,) * 3])
+    np.testing.assert_allclose(highlight, [(0.5,) * 3, (0.5,) * 3, (0,) * 3, (0,) * 3, (0,) * 3])
+    np.testing.assert_allclose(mirror, [(0,) * 3, (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (0,) * 3, (0,) * 3], rtol=1e-6)
+    assert rows[:, 12].tolist() == [20, 20, 0, 0, 0]
+    assert rows.view(np.int32)[:, 3].tolist() == [-1, -1, -1, -1, 0]
+
+
+def test_point_and_directional_lights_are_counted_and_ambient_ones_added_up():
+    scene = everything()
+    scene.lights += [AmbientLight(colour=(1, 2, 3)), AmbientLight(colour=0.5), PointLight(position=(0, 0, 0), colour=0)]
+    packed = pack_scene(scene).scene
+    kinds = packed.lights.view(np.int32)[packed.first_delta :, 3][: packed.delta_count]
+    assert kinds.tolist() == [layout.POINT_LIGHT, layout.DIRECTIONAL_LIGHT]
+    assert packed.ambient.tolist() == [1.5, 2.5, 3.5, 0]
+    dark = pack_scene(Scene(shapes=[Box()])).scene
+    assert (dark.first_delta, dark.delta_count, dark.ambient.tolist()) == (0, 0, [0] * 4)
+    assert dark.extent == pytest.approx(3**0.5)
 
 
 def test_a_normal_map_that_only_repeats_the_faces_is_not_smooth():

@@ -36,6 +36,8 @@ def test_every_field_says_what_it_means(attribute):
         ("sampler", "halton"),
         ("hemisphere", ""),
         ("fresnel", "none"),
+        ("integrator", "whittd"),
+        ("ao_distance", 0.0),
         ("rr_depth", -1),
         ("seed", -1),
         ("seed", 1 << 32),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lumipath.errors import UsageError
-from lumipath.rendering.tonemap import decode_srgb, encode_srgb, to_display
+from lumipath.rendering.tonemap import DATA_INTEGRATORS, data_to_display, decode_srgb, encode_srgb, to_display
 from lumipath.settings import TONEMAPS
 
 GREYS = np.repeat(np.geomspace(1e-6, 1e6, 5000, dtype=np.float32)[:, None], 3, axis=1)
@@ -72,3 +72,22 @@ def test_aces_matches_the_published_fit_for_white():
 def test_unknown_tonemap_suggests_one():
     with pytest.raises(UsageError, match="did you mean agx"):
         to_display([[1.0, 1.0, 1.0]], tonemap="agxx")
+
+
+class TestDataThatIsNoLight:
+    def test_normals_are_halved_and_moved_without_a_curve(self):
+        normals = np.array([[[-1, 0, 1], [0.5, -0.5, 0]]], np.float32)
+        shown = data_to_display(normals, "normal")
+        np.testing.assert_allclose(shown, [[[0, 0.5, 1], [0.75, 0.25, 0.5]]])
+
+    def test_depths_are_shares_of_the_greatest(self):
+        depths = np.repeat(np.array([[[0.0], [2], [8]]], np.float32), 3, axis=2)
+        np.testing.assert_allclose(data_to_display(depths, "depth")[..., 0], [[0, 0.25, 1]])
+        assert (data_to_display(np.zeros((2, 2, 3)), "depth") == 0).all()
+
+    @pytest.mark.parametrize("integrator", DATA_INTEGRATORS)
+    def test_what_is_not_finite_is_black(self, integrator):
+        bad = np.array([[[np.nan, 1, 1], [np.inf, 1, 1], [1, 1, 1]]], np.float32)
+        shown = data_to_display(bad, integrator)
+        assert (shown[0, :2] == 0).all()
+        assert (shown[0, 2] == 1).all()

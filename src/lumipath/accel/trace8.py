@@ -159,10 +159,16 @@ def primitive_of(accel, slot):
 
 
 @kernel
+def trace_ray(scene, ray, any_hit):
+    """The nearest hit of a ray, or any hit."""
+    found = trace_slot(scene, ray.o, ray.d, i32(0), ray.tmax, any_hit)
+    return Hit(found.t, primitive_of(scene.accel, found.primitive))
+
+
+@kernel
 def intersect(scene, ray):
     """The nearest hit of a ray."""
-    found = trace_slot(scene, ray.o, ray.d, i32(0), ray.tmax, False)
-    return Hit(found.t, primitive_of(scene.accel, found.primitive))
+    return trace_ray(scene, ray, False)
 
 
 @kernel

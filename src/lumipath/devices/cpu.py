@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from ..accel.build import build_tree
 from ..accel.bvh8 import WIDTH, widen
 from ..lang.kernel import compile_for
 from ..lang.scalars import quiet_arithmetic
-from ..pack.layout import FilmArrays, PackedScene, View
+from ..pack.layout import PIXEL_INTEGRATORS, FilmArrays, PackedScene, View
 from ..pack.scene import Packed
 from .cpu_batch import BATCH, CANCELLED, REJECTED, TILE_PIXELS, new_batch, render_tiles
+from .cpu_pixels import render_pixels
 from .device import DeviceInfo
 
 _LOOK_SECONDS = 0.25
@@ -51,6 +53,11 @@ def with_cpu_tree(packed: Packed, threads: int | None = None) -> PackedScene:
     return packed.scene._replace(accel=accel)
 
 
+def renderer_of(scene: PackedScene) -> Callable[..., Any]:
+    """What renders the integrator of this scene's features."""
+    return render_pixels if scene.features.mask & PIXEL_INTEGRATORS else render_tiles
+
+
 class CpuDevice:
     """Renders with threads that run compiled code without Python's lock."""
 
@@ -68,7 +75,7 @@ class CpuDevice:
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
         """Compile the renderer for this scene's features, or load it from the disk."""
-        compile_for(render_tiles, scene, view, film, self._batches[0], np.zeros(4, np.int64), 0)
+        compile_for(renderer_of(scene), scene, view, film, self._batches[0], np.zeros(4, np.int64), 0)
 
     def next_stop(self, done: int, pixels: int) -> int:
         """One sample for a first look, four, then whole batches; never by the clock.
@@ -81,16 +88,17 @@ class CpuDevice:
     def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
         """Bring every pixel of the film up to `last` samples; see `Device.render`."""
         control = np.zeros(4, np.int64)
+        renderer = renderer_of(scene)
         work: list[Future[None]] = []
         reported = 0
         try:
             for batch in self._batches:
-                work.append(self._pool.submit(render_tiles, scene, view, film, batch, control, last))
+                work.append(self._pool.submit(renderer, scene, view, film, batch, control, last))
             while wait(work, _LOOK_SECONDS, FIRST_EXCEPTION).not_done:
                 yield int(control[REJECTED]) - reported
                 reported = int(control[REJECTED])
         finally:
-            # Tiles that are under way are finished, so that every pixel's count is true.
+            # What is under way is finished, tiles of paths or else pixels, so that every pixel's count is true.
             control[CANCELLED] = 1
             wait(work)
         for item in work:

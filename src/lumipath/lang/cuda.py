@@ -96,6 +96,13 @@ class Compiled(NamedTuple):
     report: str
 
 
+def _captured(function: Any) -> tuple[Any, ...]:
+    """What a function, and the kernels that it calls by closure, take from where they were made."""
+    python = getattr(function, "py_func", function)
+    values = [cell.cell_contents for cell in python.__closure__ or ()]
+    return tuple((value.__qualname__, _captured(value)) if callable(value) else repr(value) for value in values)
+
+
 def compile_cubin(
     function: FunctionType, signature: tuple[Any, ...], capability: tuple[int, int], max_registers: int = 0
 ) -> Compiled:
@@ -109,9 +116,14 @@ def compile_cubin(
     """
     from importlib.metadata import version
 
-    captured = [cell.cell_contents for cell in function.__closure__ or ()]
-    constants = tuple(getattr(value, "__qualname__", repr(value)) for value in captured)
-    names = (function.__qualname__, constants, str(signature), capability, max_registers, version("numba-cuda"))
+    names = (
+        function.__qualname__,
+        _captured(function),
+        str(signature),
+        capability,
+        max_registers,
+        version("numba-cuda"),
+    )
     key = hashlib.sha256(repr(names).encode()).hexdigest()[:32]
     path = cache_folder() / f"{function.__name__}-{key}.cubin"
     try:

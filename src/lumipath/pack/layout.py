@@ -33,9 +33,18 @@ ROULETTE = 1 << 17
 WIDE_TREE = 1 << 18
 BLADES = 1 << 22
 
+# Integrators, one at a time; none of these bits is the path tracer.
+WHITTED = 1 << 32
+ALBEDO = 1 << 33
+NORMAL = 1 << 34
+DEPTH = 1 << 35
+OCCLUSION = 1 << 36
+
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
+PIXEL_INTEGRATORS = WHITTED | ALBEDO | NORMAL | DEPTH | OCCLUSION
+"""Those whose sample is one function, with no batches of paths."""
 
 # ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), then as bits the material's number (24) and
 #      the exponent of the primitive's greatest coordinate (8)
@@ -55,6 +64,13 @@ EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 1 for a die
 REFLECTION_TINT = i32(16)  # of Fresnel reflection, rgb
 INTERNAL_TINT = i32(20)  # of total internal reflection, rgb
 REFRACTION = i32(24)  # index of refraction, mean transmissive weight, unused, unused
+
+# ---- what only Whitted ray tracing needs to know of materials: 16 floats. Colours as above --------------------------
+PHONG_SIZE = i32(16)
+PHONG_AMBIENT = i32(0)  # reflected fraction of ambient light, rgb
+PHONG_HIGHLIGHT = i32(4)  # weight of the highlight, rgb
+PHONG_MIRROR = i32(8)  # weight of the mirror, rgb
+PHONG_EXPONENT = i32(12)  # shininess, three unused
 
 # ---- textures: 4 ints: first texel, width, height, 1 to clamp; texels: 4 floats: rgb, unused ------------------------
 TEXTURE_SIZE = i32(4)
@@ -95,10 +111,15 @@ class PackedScene(NamedTuple):
     emitter_density: NDArray[Any]  # (P,) float32: density per area of being sampled as a light; 0: not a light
     quadrics: NDArray[Any]  # (Q, 16) float32
     materials: NDArray[Any]  # (M, 28) float32
+    phong: NDArray[Any]  # (M, 16) float32
     textures: NDArray[Any]  # (N, 4) int32
     texels: NDArray[Any]  # (., 4) float32
     lights: NDArray[Any]  # (L, 24) float32
     light_count: i32
+    first_delta: i32  # the first point or directional light; they follow each other
+    delta_count: i32
+    ambient: NDArray[Any]  # (4,) float32: sum of the ambient lights rgb, unused
+    extent: f32  # diagonal of the box around all shapes, metres
     triangle_count: i32
     environment: NDArray[Any]  # (H * W, 4) float32
     environment_rows: NDArray[Any]  # (H, 2) float32
@@ -128,6 +149,7 @@ class View(NamedTuple):
     seed: u32
     max_depth: i32
     rr_depth: i32
+    ao_distance: f32  # metres; 0: follows from the scene's extent
 
 
 class FilmArrays(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from ..scene import Cone, DirectionalLight, PointLight, Scene, Sphere
+from ..scene import AmbientLight, Cone, DirectionalLight, PointLight, Scene, Sphere
 from ..scene.material import is_positive
 from . import layout
 from .alias import alias_table
@@ -19,12 +19,17 @@ _FEW_LIGHTS = 64
 
 @frozen(eq=False)
 class LightTable:
-    """rows (L, 24) float32; emitter_density (P,) float32; environment_probability; features: bits of `layout`."""
+    """rows (L, 24) float32; emitter_density (P,) float32; environment_probability; features: bits of `layout`.
+
+    Point and directional lights are the rows first_delta .. first_delta + delta_count - 1.
+    """
 
     rows: NDArray[np.float32]
     emitter_density: NDArray[np.float32]
     environment_probability: float
     features: int
+    first_delta: int
+    delta_count: int
 
 
 def _luminance(colours: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -149,7 +154,17 @@ def collect_lights(
     ):
         if (kinds == kind).any():
             features |= bit
-    return LightTable(rows, density, float(probabilities[-1]) if len(environment) else 0.0, features)
+    probability = float(probabilities[-1]) if len(environment) else 0.0
+    return LightTable(rows, density, probability, features, len(triangles) + len(quadrics), len(deltas))
+
+
+def ambient_light(scene: Scene) -> NDArray[np.float32]:
+    """(4,) float32: the sum of a scene's ambient lights, and a 0."""
+    total = np.zeros(4, np.float32)
+    for light in scene.lights:
+        if isinstance(light, AmbientLight):
+            total[:3] += light.colour
+    return total
 
 
 def scene_radius(geometry: Geometry) -> float:

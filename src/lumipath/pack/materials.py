@@ -74,8 +74,24 @@ class MaterialTable:
         row[layout.REFRACTION] = material.index
         row[layout.REFRACTION + 1] = kt.mean()
 
+    def phong_rows(self) -> NDArray[np.float32]:
+        """(M, 16) float32: what Whitted ray tracing needs besides."""
+        table = np.zeros((len(self.materials), int(layout.PHONG_SIZE)), np.float32)
+        black = (0.0, 0.0, 0.0)
+        for row, material in zip(table, self.materials):
+            specular = material.specular if material.specular is not None else black
+            mirror = material.reflective
+            if mirror is None:
+                # Without an exponent there is no highlight: a mirror that is sharp in path tracing stays one.
+                mirror = black if material.shininess > 0 else specular
+            self._write_colour(row, int(layout.PHONG_AMBIENT), material.ambient)
+            self._write_colour(row, int(layout.PHONG_HIGHLIGHT), specular if material.shininess > 0 else black)
+            self._write_colour(row, int(layout.PHONG_MIRROR), mirror)
+            row[layout.PHONG_EXPONENT] = material.shininess
+        return table
+
     def textures(self) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """(N, 4) int32 texture records and (., 4) float32 texels; call after `rows`."""
+        """(N, 4) int32 texture records and (., 4) float32 texels; call after `rows` and `phong_rows`."""
         records = np.zeros((len(self._textures), 4), np.int32)
         texels = []
         first = 0
@@ -101,7 +117,7 @@ class MaterialTable:
         return mask
 
 
-_RENDERED_LOBES = ("emission", "diffuse", "specular", "reflective", "transmissive")
+_RENDERED_LOBES = ("emission", "diffuse", "specular", "reflective", "transmissive", "ambient")
 
 
 def mean_colour(value: Any) -> tuple[float, float, float]:

@@ -10,6 +10,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from ..errors import LumipathWarning, SceneError
+from ..kernels.whitted import MAX_LEVELS
 from ..lang import Features, aligned, f32, i32, u32
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
@@ -17,7 +18,7 @@ from . import layout
 from .environment import no_environment, pack_environment
 from .geometry import Geometry, flatten, vertex_rows
 from .layout import PackedScene, View
-from .lights import collect_lights, scene_radius
+from .lights import ambient_light, collect_lights, scene_radius
 from .materials import MaterialTable
 
 # Primitive numbers share a 32-bit word with a flag.
@@ -46,13 +47,15 @@ def pack_scene(scene: Scene) -> Packed:
     if primitives == 0:
         warnings.warn(f"{scene.name} has no shapes: only its background is rendered", LumipathWarning, stacklevel=2)
     environment = pack_environment(scene.environment) if scene.environment else no_environment()
-    lights = collect_lights(scene, geometry, table, scene_radius(geometry), environment.mean)
+    radius = scene_radius(geometry)
+    lights = collect_lights(scene, geometry, table, radius, environment.mean)
     features = geometry.features | table.features() | lights.features
     if len(table.materials) > int(layout.MATERIAL_MASK):
         raise SceneError(
             f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible"
         )
     rows = table.rows()
+    phong = table.phong_rows()
     textures, texels = table.textures()
     has_vertex_data = bool(features & layout.VERTEX_DATA)
     corners = np.zeros((len(geometry.faces) if has_vertex_data else 0, 4), np.int32)
@@ -72,10 +75,15 @@ def pack_scene(scene: Scene) -> Packed:
         ),
         quadrics=aligned(geometry.quadric_rows),
         materials=aligned(rows),
+        phong=aligned(phong),
         textures=aligned(textures),
         texels=aligned(texels),
         lights=aligned(lights.rows),
         light_count=i32(len(lights.rows)),
+        first_delta=i32(lights.first_delta),
+        delta_count=i32(lights.delta_count),
+        ambient=aligned(ambient_light(scene)),
+        extent=f32(2 * radius),
         triangle_count=i32(len(geometry.faces)),
         environment=aligned(environment.texels),
         environment_rows=aligned(environment.rows),
@@ -99,16 +107,30 @@ def _primitive_rows(geometry: Geometry) -> NDArray[np.float32]:
     return rows
 
 
+_INTEGRATORS = {
+    "path": 0,
+    "whitted": layout.WHITTED,
+    "albedo": layout.ALBEDO,
+    "normal": layout.NORMAL,
+    "depth": layout.DEPTH,
+    "ao": layout.OCCLUSION,
+}
+
+
 def settings_features(settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the settings."""
-    mask = layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
-    mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0
-    mask |= layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0
-    mask |= layout.ROULETTE if settings.rr_depth is not None and settings.rr_depth < settings.max_depth else 0
+    mask = _INTEGRATORS[settings.integrator]
+    mask |= layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
     aperture = camera.aperture if settings.aperture is None else settings.aperture
     blades = camera.blades if settings.blades is None else settings.blades
     mask |= layout.LENS if aperture > 0 else 0
-    return mask | (layout.BLADES if aperture > 0 and blades > 0 else 0)
+    mask |= layout.BLADES if aperture > 0 and blades > 0 else 0
+    if mask & layout.PIXEL_INTEGRATORS:
+        return mask
+    mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0
+    mask |= layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0
+    mask |= layout.ROULETTE if settings.rr_depth is not None and settings.rr_depth < settings.max_depth else 0
+    return mask
 
 
 def pack_view(camera: Camera, settings: RenderSettings) -> View:
@@ -121,6 +143,11 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
     left, top, right, bottom = settings.crop_of(width, height)
     settings.check_focus_on(width, height)
     axes = camera.axes()
+    max_depth = settings.max_depth
+    if settings.integrator == "whitted" and max_depth > MAX_LEVELS:
+        max_depth = int(MAX_LEVELS)
+        message = f"max_depth is {settings.max_depth}: the integrator whitted stops at {MAX_LEVELS}"
+        warnings.warn(message, LumipathWarning, stacklevel=2)
     half_height = math.tan(math.radians(camera.fov) / 2)
     lens = np.zeros((5, 4), np.float32)
     lens[0, :3] = camera.position
@@ -143,6 +170,7 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
         film_width=i32(right - left),
         film_height=i32(bottom - top),
         seed=u32(settings.seed),
-        max_depth=i32(settings.max_depth),
+        max_depth=i32(max_depth),
         rr_depth=i32(settings.rr_depth if settings.rr_depth is not None else 1 << 30),
+        ao_distance=f32(settings.ao_distance or 0.0),
     )

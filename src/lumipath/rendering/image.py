@@ -16,7 +16,7 @@ from attrs import define, field
 from numpy.typing import NDArray
 
 from ..errors import ImageError
-from .tonemap import check_tonemap, decode_srgb, to_display
+from .tonemap import DATA_INTEGRATORS, check_tonemap, data_to_display, decode_srgb, to_display
 
 Floats = NDArray[np.float32]
 
@@ -94,9 +94,18 @@ class Image:
     def to_uint8(self, exposure: float = 0.0, tonemap: str = "none") -> NDArray[np.uint8]:
         """(H, W, 3) uint8 as `save` writes it to PNG and JPEG: exposure, tonemap, sRGB curve, rounded half up.
 
-        With `linear` there is no sRGB curve: the bytes are floor(clamp(v, 0, 1) * 255 + 0.5).
+        With `linear` there is no sRGB curve: the bytes are floor(clamp(v, 0, 1) * 255 + 0.5). Pictures of the
+        integrators `normal` and `depth` are no light and have no exposure, tonemap or curve; see `data_to_display`.
         """
-        return np.floor(to_display(self.pixels, exposure, tonemap) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+        if self._shows_data:
+            shown = data_to_display(self.pixels, self.metadata["integrator"])
+        else:
+            shown = to_display(self.pixels, exposure, tonemap)
+        return np.floor(shown * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+
+    @property
+    def _shows_data(self) -> bool:
+        return self.metadata.get("integrator") in DATA_INTEGRATORS
 
     def save(self, path: str | os.PathLike[str], *, exposure: float = 0.0, tonemap: str = "none") -> None:
         """Write the image; the suffix chooses the format. Either the whole file is written or none of it.
@@ -129,7 +138,7 @@ class Image:
                 # libjpeg ends the whole process when the disk is full, so the room is claimed beforehand.
                 if suffix != ".png":
                     _claim_space(temporary, data.nbytes)
-                colour_space = "linear" if tonemap == "linear" else "sRGB"
+                colour_space = "linear" if tonemap == "linear" or self._shows_data else "sRGB"
                 _write_with_oiio(temporary, data, {"CompressionQuality": 95, "oiio:ColorSpace": colour_space})
 
     @classmethod

@@ -74,6 +74,13 @@ class Session:
     ) -> None:
         self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
         self.scene = scene
+        if self.settings.integrator == "whitted" and not scene.lights:
+            warnings.warn(
+                f"{scene.name} has no point, directional or ambient light: the integrator whitted shows only what "
+                "emits, directly, in mirrors and through glass",
+                LumipathWarning,
+                stacklevel=2,
+            )
         camera = scene.camera(self.settings.camera)
         self._view = pack_view(camera, self.settings)
         self.film = Film(int(self._view.film_width), int(self._view.film_height))
@@ -183,6 +190,7 @@ class Session:
         metadata = {
             "samples": self.film.samples,
             "seed": self.settings.seed,
+            "integrator": self.settings.integrator,
             "seconds": self.render_seconds,
             "scene": self.scene.name,
             "version": __version__,

@@ -113,6 +113,29 @@ def check_tonemap(name: str) -> str:
     return name
 
 
+DATA_INTEGRATORS = ("normal", "depth")
+"""Integrators whose pixels are no light: neither exposure nor a curve is for them."""
+
+
+def data_to_display(pixels: Any, integrator: str) -> Floats:
+    """What an 8-bit file shows of pixels that are no light, as float32 in 0..1.
+
+    Normals are shown as (n + 1) / 2, depths as shares of the greatest one in the image; pixels that are not finite are
+    black.
+
+    Args:
+        pixels: (..., 3) float32.
+        integrator: what made them; one of `DATA_INTEGRATORS`.
+    """
+    values = np.asarray(pixels, np.float32)
+    finite = np.isfinite(values).all(axis=-1, keepdims=True)
+    values = np.where(finite, values, 0)
+    if integrator == "depth":
+        greatest = values.max(initial=0)
+        return np.clip(values / greatest, 0, 1) if greatest > 0 else np.zeros_like(values)
+    return np.where(finite, np.clip(values * np.float32(0.5) + np.float32(0.5), 0, 1), 0)
+
+
 def to_display(pixels: Any, exposure: float = 0.0, tonemap: str = "none") -> Floats:
     """What an 8-bit file shows, still as float32 in 0..1.
 

@@ -59,8 +59,8 @@ class Material:
             mirror lobe where `specular` is None.
         transmissive: fraction of light left after one metre inside; greater than 0 makes the surface a dielectric.
         index: index of refraction of the inside relative to the outside.
-        ambient: reflected fraction of ambient light (not used by the path tracer).
-        shininess: Phong exponent (not used by the path tracer).
+        ambient: reflected fraction of ambient light; for Whitted ray tracing only.
+        shininess: Phong exponent of a highlight of weight `specular`; for Whitted ray tracing only.
         name: for messages and look-ups.
     """
 

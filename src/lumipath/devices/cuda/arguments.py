@@ -21,7 +21,8 @@ def type_of(value: Any) -> types.Type:
 
 
 VIEW_TYPE = types.NamedTuple(
-    (types.Array(types.float32, 1, "C"), *([types.int32] * 6), types.uint32, types.int32, types.int32), View
+    (types.Array(types.float32, 1, "C"), *([types.int32] * 6), types.uint32, types.int32, types.int32, types.float32),
+    View,
 )
 FILM_TYPE = types.NamedTuple(
     (types.Array(types.float32, 3, "C"), types.Array(types.float32, 3, "C"), types.Array(types.uint32, 2, "C")),

@@ -16,7 +16,7 @@ from ...accel.build import build_tree
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
 from ...errors import DeviceError
 from ...lang import Features
-from ...pack.layout import WIDE_TREE, FilmArrays, PackedScene, View
+from ...pack.layout import PIXEL_INTEGRATORS, WIDE_TREE, FilmArrays, PackedScene, View
 from ...pack.scene import Packed
 from ..device import DeviceInfo
 from .driver import DeviceArray, Gpu, device_count
@@ -45,8 +45,9 @@ class Worker:
         """Take a scene that is on the GPU, and compile the kernels for it or load them from the disk."""
         self.gpu.open()
         self._scene = scene
+        has_paths = not scene.features.mask & PIXEL_INTEGRATORS
         # The megakernel was faster on every scene that was measured.
-        scheduler = Wavefront if kernel == "wavefront" else Megakernel
+        scheduler = Wavefront if kernel == "wavefront" and has_paths else Megakernel
         self._scheduler = scheduler(self.gpu, scene, stack)
 
     def begin(self, view: View, film: FilmArrays, *, empty: bool) -> None:

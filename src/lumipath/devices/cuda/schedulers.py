@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from ...lang import i32, u32
 from ...lang.cuda import Compiled, compile_cubin
-from ...pack.layout import DIELECTRICS, MIRRORS, QUADRICS, VERTEX_DATA, WIDE_TREE
+from ...pack.layout import DIELECTRICS, MIRRORS, PIXEL_INTEGRATORS, QUADRICS, VERTEX_DATA, WIDE_TREE
 from .arguments import FILM_TYPE, VIEW_TYPE, type_of
 from .driver import DeviceArray, Gpu, Kernel, Stream, flatten_arguments, pointers_to
 from .megakernel import BLOCK, make_refill, make_vote
+from .pixels import make_pixels
 from .wavefront import BLOCKS_PER_MULTIPROCESSOR, ROWS, TRACING, WAVE_TYPE, Wave, make_wavefront
 from .work import COUNTERS, PATHS, REJECTED, WORK_TYPE, Work, item_count
 
@@ -34,10 +35,11 @@ class Scheduler(Protocol):
 
 
 class Megakernel:
-    """Whole paths in one kernel."""
+    """Whole paths, or whole samples of an integrator that has no paths, in one kernel."""
 
     def __init__(self, gpu: Gpu, scene: Any, stack: int) -> None:
-        made = compile_megakernel(scene_arguments(scene), gpu.capability, stack)
+        compile_it = compile_pixels if scene.features.mask & PIXEL_INTEGRATORS else compile_megakernel
+        made = compile_it(scene_arguments(scene), gpu.capability, stack)
         self.kernel = Kernel(made.cubin, made.name)
         self._stream = Stream()
         self._counters = Counters(self._stream)
@@ -142,6 +144,11 @@ def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stac
     else:
         kernel, registers = make_refill(stack, 18), 64
     return compile_cubin(kernel, (*scene, WORK_TYPE), capability, registers)
+
+
+def compile_pixels(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> Compiled:
+    """The kernel of one thread a pixel for argument types."""
+    return compile_cubin(make_pixels(stack), (*scene, WORK_TYPE), capability)
 
 
 def compile_wavefront(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> dict[str, Compiled]:

@@ -22,6 +22,13 @@ class DielectricSample:
 
 
 @kernel
+def refracted_direction(wo, through, eta):
+    """Snell's law: the tangential part shrinks by the ratio of the indices; `through` from `refracted_cosine`."""
+    scale = inverse(eta)
+    return Vec3(-wo.x * scale, -wo.y * scale, -through)
+
+
+@kernel
 def sample_dielectric(scene, lobes, wo, entering, u):
     """Reflect with the probability that Fresnel's equations give, else refract.
 
@@ -38,6 +45,4 @@ def sample_dielectric(scene, lobes, wo, entering, u):
     if u < reflectance:
         tint = lobes.reflection_tint if through > 0.0 else lobes.internal_tint
         return DielectricSample(mirror_direction(wo), tint, False)
-    # Snell's law: the tangential part shrinks by the ratio of the indices.
-    scale = inverse(eta)
-    return DielectricSample(Vec3(-wo.x * scale, -wo.y * scale, -through), white(), True)
+    return DielectricSample(refracted_direction(wo, through, eta), white(), True)

@@ -1,0 +1,57 @@
+"""The CPU's scheduler of integrators that need no batches: each thread takes tiles and goes through them by pixels."""
+
+from __future__ import annotations
+
+from ..accel.trace8 import trace_ray
+from ..kernels.integrators import estimate
+from ..lang import INF, entry, fetch_add, i32, kernel, load, store, u32
+from .cpu_batch import CANCELLED, FINISHED_TILES, NEXT_TILE, REJECTED, TILE, add_to_film
+
+
+@kernel
+def render_pixel(scene, view, film, column, row, place, last):
+    """Bring a pixel up to `last` samples; returns how many were not finite and counted as black."""
+    pixel = u32(row * view.width + column)
+    first = i32(load(film.counts, place))
+    rejected = 0
+    for sample in range(first, last):
+        c = estimate(scene, view, trace_ray, column, row, pixel, u32(sample))
+        if abs(c.x + c.y + c.z) < INF:
+            add_to_film(film, place * 3, c.x)
+            add_to_film(film, place * 3 + 1, c.y)
+            add_to_film(film, place * 3 + 2, c.z)
+        else:
+            rejected += 1
+    store(film.counts, place, u32(last))
+    return rejected
+
+
+@entry
+def render_pixels(scene, view, film, batch, control, last):
+    """Render tiles until there are no more, or the render is cancelled.
+
+    Args:
+        scene: PackedScene with a BVH8.
+        view: View.
+        film: FilmArrays; each pixel gets the samples from its count up to `last`.
+        batch: not used; `render_tiles` has the same parameters.
+        control: (4,) int64, shared by the threads.
+        last: number of samples that each pixel has afterwards.
+    """
+    across = (view.film_width + TILE - 1) // TILE
+    down = (view.film_height + TILE - 1) // TILE
+    while fetch_add(control, CANCELLED, 0) == 0:
+        tile = fetch_add(control, NEXT_TILE, 1)
+        if tile >= across * down:
+            break
+        x = i32(tile % across) * TILE
+        y = i32(tile // across) * TILE
+        for v in range(y, min(y + TILE, view.film_height)):
+            for u in range(x, min(x + TILE, view.film_width)):
+                # A sample may be thousands of rays: a cancelled render does not wait for its tiles.
+                if fetch_add(control, CANCELLED, 0) != 0:
+                    return
+                place = i32(v * view.film_width + u)
+                rejected = render_pixel(scene, view, film, i32(view.left + u), i32(view.top + v), place, last)
+                fetch_add(control, REJECTED, rejected)
+        fetch_add(control, FINISHED_TILES, 1)
