@@ -19,6 +19,7 @@ from ..pack.layout import FilmArrays, PackedScene, View
 from ..pack.scene import Packed
 from .cpu_batch import BATCH, CANCELLED, REJECTED, TILE_PIXELS, new_batch, render_tiles
 from .device import DeviceInfo
+from .interrupts import deferred_interrupts
 
 _LOOK_SECONDS = 0.25
 
@@ -46,11 +47,13 @@ class CpuDevice:
     """Renders with threads that run compiled code without Python's lock."""
 
     kind = "cpu"
+    even_counts = False
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or usable_cores()
         self.name = f"{processor_name()}, {self.threads} thread{'s' if self.threads > 1 else ''}"
         self._batches = [new_batch() for _ in range(self.threads)]
+        self._control = np.zeros(4, np.int64)
         self._pool = ThreadPoolExecutor(self.threads, "lumipath", initializer=quiet_arithmetic)
 
     def upload(self, packed: Packed) -> PackedScene:
@@ -75,7 +78,7 @@ class CpuDevice:
 
     def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
         """Bring every pixel of the film up to `last` samples; see `Device.render`."""
-        control = np.zeros(4, np.int64)
+        self._control = control = np.zeros(4, np.int64)
         work: list[Future[None]] = []
         reported = 0
         try:
@@ -86,11 +89,16 @@ class CpuDevice:
                 reported = int(control[REJECTED])
         finally:
             # Tiles that are under way are finished, so that every pixel's count is true.
-            control[CANCELLED] = 1
-            wait(work)
+            with deferred_interrupts():
+                control[CANCELLED] = 1
+                wait(work)
         for item in work:
             item.result()
         yield int(control[REJECTED]) - reported
+
+    def cancel(self) -> None:
+        """End the pass after the tiles that are under way; see `Device.cancel`."""
+        self._control[CANCELLED] = 1
 
     def download(self, film: FilmArrays) -> None:
         """Nothing: the threads add to the film itself."""

@@ -154,7 +154,7 @@ def generate(scene, view, batch, column, row, columns, rows, first, samples):
         for x in range(columns):
             pixel = u32((row + y) * view.width + column + x)
             for s in range(samples):
-                sample = u32(first + s)
+                sample = u32(view.first_sample + u32(first + s))
                 path = start_path(scene, view, i32(column + x), i32(row + y), pixel, sample)
                 store_path(batch, n, path, n, pixel, sample)
                 store_vec3(batch.gathered.red, batch.gathered.green, batch.gathered.blue, n, Vec3(0, 0, 0))

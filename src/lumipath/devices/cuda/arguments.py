@@ -21,7 +21,7 @@ def type_of(value: Any) -> types.Type:
 
 
 VIEW_TYPE = types.NamedTuple(
-    (types.Array(types.float32, 1, "C"), *([types.int32] * 6), types.uint32, types.int32, types.int32), View
+    (types.Array(types.float32, 1, "C"), *([types.int32] * 6), *([types.uint32] * 2), *([types.int32] * 2)), View
 )
 FILM_TYPE = types.NamedTuple(
     (types.Array(types.float32, 3, "C"), types.Array(types.float32, 3, "C"), types.Array(types.uint32, 2, "C")),

@@ -15,6 +15,7 @@ from ...lang import Features
 from ...pack.layout import WIDE_TREE, FilmArrays, PackedScene, View
 from ...pack.scene import Packed
 from ..device import DeviceInfo
+from ..interrupts import deferred_interrupts
 from .driver import DeviceArray, Gpu, device_count
 from .schedulers import Megakernel, Scheduler, Wavefront
 
@@ -29,6 +30,7 @@ class CudaDevice:
     """Renders on one GPU, in slices of some 100 ms, so that it can be stopped at any time."""
 
     kind = "cuda"
+    even_counts = True
 
     def __init__(self, index: int = 0, kernel: str = "auto") -> None:
         self._gpu = Gpu(index)
@@ -39,6 +41,7 @@ class CudaDevice:
         self._scheduler: Scheduler | None = None
         self._film: FilmArrays | None = None
         self._rate = 0.0
+        self._cancelled = False
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPU."""
@@ -75,16 +78,23 @@ class CudaDevice:
             self._film = to_device(film)
         view_on_gpu = to_device(view)
         done = int(film.counts[0, 0])
+        offset = int(view.first_sample)
         pixels = int(view.film_width) * int(view.film_height)
-        while done < last:
+        self._cancelled = False
+        while done < last and not self._cancelled:
             until = min(last, done + max(1, int(_SLICE_SECONDS * self._rate / pixels)))
             start = time.perf_counter()
-            self._scheduler.run(scene, view_on_gpu, self._film, done, until)
+            # Samples and their counts together, so that an interrupt leaves true counts.
+            with deferred_interrupts():
+                self._scheduler.run(scene, view_on_gpu, self._film, offset + done, offset + until)
+                film.counts[...] = until
             self._rate = pixels * (until - done) / max(time.perf_counter() - start, 1e-6)
             done = until
-            # After each slice, so that an interrupt leaves true counts.
-            film.counts[...] = done
             yield 0
+
+    def cancel(self) -> None:
+        """End the pass after the slice that is under way."""
+        self._cancelled = True
 
     def download(self, film: FilmArrays) -> None:
         """Bring the sums to the host."""
