@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import ImageError, SceneError
+from ..errors import CheckpointError, ImageError, SceneError
 
 
-def require_file(path: Path, error: type[SceneError] | type[ImageError] = SceneError) -> None:
+def require_file(path: Path, error: type[SceneError] | type[ImageError] | type[CheckpointError] = SceneError) -> None:
     """Make sure that `path` is a regular file that may be read.
 
     Raises:
-        SceneError or ImageError (`error`): it is missing, a folder, or may not be read; the message says which.
+        SceneError, ImageError or CheckpointError (`error`): it is missing, a folder, or may not be read; the message
+            says which.
     """
     try:
         if path.is_dir():

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import os
-import secrets
-import stat
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +12,7 @@ from attrs import define, field
 from numpy.typing import NDArray
 
 from ..errors import ImageError
+from .files import claim_space, replacing, target_of, temporary_for, try_to_write
 from .tonemap import check_tonemap, decode_srgb, to_display
 
 Floats = NDArray[np.float32]
@@ -116,7 +113,8 @@ class Image:
         check_tonemap(tonemap)
         target = _target(Path(path))
         suffix = target.suffix.lower()
-        with _replacing(target) as temporary:
+        temporary = temporary_for(target)
+        with replacing(target, temporary, ImageError):
             if suffix == ".npy":
                 _write_npy(temporary, self.pixels)
             elif suffix == ".exr":
@@ -128,7 +126,7 @@ class Image:
                 data = self.to_uint8(exposure, tonemap)
                 # libjpeg ends the whole process when the disk is full, so the room is claimed beforehand.
                 if suffix != ".png":
-                    _claim_space(temporary, data.nbytes)
+                    claim_space(temporary, data.nbytes)
                 colour_space = "linear" if tonemap == "linear" else "sRGB"
                 _write_with_oiio(temporary, data, {"CompressionQuality": 95, "oiio:ColorSpace": colour_space})
 
@@ -154,11 +152,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     Raises:
         ImageError: unknown suffix, missing folder, a directory, no permission; the message says what to do.
     """
-    target = _target(Path(path))
-    temporary = _temporary_name(target)
-    with _reported(target):
-        temporary.touch(exist_ok=False)
-        temporary.unlink()
+    try_to_write(_target(Path(path)), ImageError)
 
 
 def _check_suffix(path: Path) -> None:
@@ -168,60 +162,10 @@ def _check_suffix(path: Path) -> None:
 
 
 def _target(path: Path) -> Path:
-    """The file that `path` means, links followed, after every check that needs no writing."""
-    with _reported(path):
-        if path.is_dir():
-            raise ImageError(f"{path} is a directory; add a file name, for example {path / 'image.png'}")
-        _check_suffix(path)
-        target = Path(os.path.realpath(path))
-        folder = target.parent
-        if not folder.exists():
-            raise ImageError(f"{path}: there is no folder {folder}; create it first (mkdir -p {folder})")
-        if not folder.is_dir():
-            raise ImageError(f"{path}: {folder} is a file, not a folder")
-        if target.exists() and not stat.S_ISREG(target.stat().st_mode):
-            raise ImageError(f"{path} is not a regular file; choose another name")
-        if target.exists() and not os.access(target, os.W_OK):
-            raise ImageError(f"{path} is read-only; choose another name or change its permissions")
+    """The file that `path` means, after every check that needs no writing."""
+    target = target_of(path, ImageError, "image.png")
+    _check_suffix(path)
     return target
-
-
-def _temporary_name(target: Path) -> Path:
-    # In the same folder, so that the final rename cannot cross file systems; the suffix tells OpenImageIO the format.
-    return target.with_name(f".lumipath-{secrets.token_hex(6)}{target.suffix.lower()}")
-
-
-@contextmanager
-def _reported(path: Path) -> Iterator[None]:
-    """Turn an operating system's error into an ImageError that names the file the user gave."""
-    try:
-        yield
-    except PermissionError:
-        raise ImageError(f"{path}: no permission to write in {path.parent}; choose another folder") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ImageError(f"{path}: cannot be written: {reason}") from None
-
-
-@contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
-    """A temporary file that takes the place of `target` if the block succeeds, and vanishes if not."""
-    temporary = _temporary_name(target)
-    try:
-        with _reported(target):
-            yield temporary
-            temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _claim_space(path: Path, size: int) -> None:
-    """Raise an OSError now if there is no room for `size` bytes more."""
-    with path.open("wb") as file:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(file.fileno(), 0, size)
-        else:
-            file.write(bytes(size))
 
 
 def _write_npy(path: Path, pixels: Floats) -> None:
