@@ -142,6 +142,35 @@ class TestScene:
         assert err == "lumipath: error: unknown device 'cuda': use auto or cpu\n"
 
 
+class TestCheckpoint:
+    def test_reaches_the_session(self, lumipath, fake, tmp_path):
+        assert lumipath("render", "-w", 4, "--checkpoint", "a.ckpt", "--checkpoint-interval", 5)[0] == 0
+        assert (str(fake[0].checkpoint), fake[0].resume) == ("a.ckpt", False)
+        assert fake[0].settings.checkpoint_interval == 5
+
+    def test_resume_says_where_it_goes_on(self, lumipath, fake, tmp_path):
+        (tmp_path / "a.ckpt").touch()
+        _, _, err = lumipath("render", "-w", 4, "--checkpoint", "a.ckpt", "--resume")
+        assert err.startswith("lumipath: going on from a.ckpt at 2 spp\n")
+
+    def test_resume_without_a_file_begins_anew_and_says_so(self, lumipath, fake):
+        code, _, err = lumipath("render", "-w", 4, "--checkpoint", "a.ckpt", "--resume")
+        assert code == 0
+        assert err.startswith("lumipath: there is no a.ckpt yet: beginning anew\n")
+
+    def test_resume_needs_a_checkpoint(self, lumipath, fake):
+        code, _, err = lumipath("render", "-w", 4, "--resume")
+        assert (code, fake) == (2, [])
+        assert err == "lumipath: error: --resume needs --checkpoint FILE: the file to go on from\n"
+
+    def test_an_earlier_checkpoint_is_not_lost(self, lumipath, fake, tmp_path):
+        (tmp_path / "a.ckpt").write_bytes(b"earlier")
+        code, _, err = lumipath("render", "-w", 4, "--checkpoint", "a.ckpt")
+        assert (code, fake) == (2, [])
+        assert "a.ckpt is there already: add --resume to go on from it" in err
+        assert (tmp_path / "a.ckpt").read_bytes() == b"earlier"
+
+
 class TestProgress:
     def test_json_is_one_object_a_line(self, lumipath, fake, monkeypatch):
         monkeypatch.setenv("FAKE_COMPILE", "3")

@@ -14,6 +14,8 @@ PUBLIC = [
     "AmbientLight",
     "Box",
     "Camera",
+    "Checkpoint",
+    "CheckpointError",
     "Cone",
     "Cylinder",
     "DeviceError",
@@ -40,6 +42,7 @@ PUBLIC = [
     "builtin",
     "list_devices",
     "load",
+    "merge",
     "render",
 ]
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import attrs
 import typer
+from attrs import frozen
 
 from ..errors import UsageError
 from ..settings import PROGRESS_MODES, RenderSettings
@@ -50,6 +51,10 @@ def render(
     define: Annotated[
         list[str] | None, typer.Option("--define", "-D", metavar="KEY=VALUE", help="Any setting by its name.")
     ] = None,
+    checkpoint: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep the samples in FILE, so that nothing can be lost.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint, if it is there.")] = False,
     progress: Annotated[
         str, typer.Option(metavar="|".join(PROGRESS_MODES), help="How progress is shown, on stderr.")
     ] = "auto",
@@ -62,15 +67,18 @@ def render(
     """Render SCENE to an image file.
 
     Ctrl-C stops: what was rendered until then is written.
+    With --checkpoint FILE --resume the same command goes on.
     """
     from ..rendering.image import check_writable
 
     settings = settings_from([*from_flags(flags), *from_size(size), *from_definitions(define or [])])
     target = output or Path(scene_stem(scene) + ".png")
     check_writable(target)
+    kept = Kept(checkpoint, resume)
+    kept.require_sense()
     with make_reporter(progress, quiet) as reporter:
         loaded = _with_environment(open_scene(scene), cubemap, environment)
-        session = _prepare(loaded, settings, device_from(device, gpu), reporter, verbose)
+        session = _prepare(loaded, settings, device_from(device, gpu), kept, reporter, verbose)
         last, interrupt = _run(session, reporter)
         reporter.close()
         _finish(session, last, interrupt, target, reporter)
@@ -100,12 +108,38 @@ def _told_if_slow(reporter: Reporter, text: str) -> Iterator[None]:
         timer.cancel()
 
 
-def _prepare(scene: Scene, settings: RenderSettings, device: str, reporter: Reporter, verbose: bool) -> Session:
+@frozen
+class Kept:
+    """The checkpoint that the user wants."""
+
+    path: Path | None
+    resume: bool
+
+    def require_sense(self) -> None:
+        """Tell in the words of the command line what `Session` would refuse.
+
+        Raises:
+            UsageError: the two options do not go together with each other or with the files.
+        """
+        if self.path is None and self.resume:
+            raise UsageError("--resume needs --checkpoint FILE: the file to go on from")
+        if self.path is not None and self.path.exists() and not self.resume:
+            raise UsageError(
+                f"{self.path} is there already: add --resume to go on from it, delete it, or name another checkpoint"
+            )
+
+
+def _prepare(
+    scene: Scene, settings: RenderSettings, device: str, kept: Kept, reporter: Reporter, verbose: bool
+) -> Session:
     """Everything before the first sample, with a word about what took long."""
     from ..rendering.session import Session
 
     with _told_if_slow(reporter, "preparing the scene and compiling kernels (first run only) ..."):
-        session = Session(scene, settings, device=device)
+        session = Session(scene, settings, device=device, checkpoint=kept.path, resume=kept.resume)
+    if kept.resume:
+        found = f"going on from {kept.path} at {session.resumed:.4g} spp"
+        reporter.message(found if session.resumed else f"there is no {kept.path} yet: beginning anew")
     for seconds, what in ((session.build_seconds, "preparing the scene"), (session.compile_seconds, "compiling")):
         if seconds > _SLOW or verbose:
             reporter.message(f"{what} took {seconds:.1f} s")
