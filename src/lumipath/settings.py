@@ -16,7 +16,7 @@ from .errors import UsageError
 SAMPLERS = ("sobol", "independent")
 HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
-TONEMAPS = ("none", "linear", "agx", "aces")
+TONEMAPS = ("none", "linear", "agx", "aces", "reinhard")
 KERNELS = ("auto", "megakernel", "wavefront")
 PROGRESS_MODES = ("auto", "bar", "json", "none")
 

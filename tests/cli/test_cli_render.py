@@ -99,7 +99,7 @@ class TestSettings:
             (("-D", "spq=3"), "no setting 'spq'; did you mean spp?"),
             (("-D", "zzz=3"), "no setting 'zzz'; there are spp, max_depth,"),
             (("-D", "spp"), "it must be key=value"),
-            (("--tonemap", "film"), "tonemap is 'film': it must be one of none, linear, agx, aces"),
+            (("--tonemap", "film"), "tonemap is 'film': it must be one of none, linear, agx, aces, reinhard"),
             (("--progress", "dots"), "--progress is 'dots': it must be one of auto, bar, json, none"),
             (("-c", "a.png", "--environment", "b.exr"), "give one of them"),
             (("--nope",), "No such option: --nope"),

@@ -22,6 +22,7 @@ from lumipath.rendering.session import Session, render
 from lumipath.scenes import builtin
 
 SOURCES = str(Path(lumipath.__path__[0]).parent)
+RUN = "import sys; from lumipath.cli import main; sys.exit(main())"
 SETTINGS = {"device": "cpu", "threads": 2, "width": 41, "height": 37, "max_depth": 5, "rr_depth": None, "spp": 32}
 
 
@@ -241,3 +242,32 @@ def test_killed_processes_lose_nothing(scene, tmp_path):
     assert counts[0] < settings["spp"], "the first process was done before it was killed"
     image = render(scene, checkpoint=path, resume=True, **settings)
     np.testing.assert_array_equal(image.pixels, render(scene, **settings).pixels)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_the_command_line_stops_in_order_and_goes_on(tmp_path, number, code):
+    flags = ["--size", "160x120", "-s", "96", "-r", "5", "--rr-depth", "off", "--device", "cpu", "--threads", "2"]
+    kept = ["-o", "a.exr", "--checkpoint", "a.ckpt", "--resume"]
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
+
+    def start(*arguments):
+        # A shell that starts tests in the background has them ignore Ctrl-C.
+        program = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n{RUN}"
+        argv = [sys.executable, "-c", program, "render", "cornell-box", *flags, "--progress", "json", *arguments]
+        return subprocess.Popen(argv, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=environment)
+
+    process = start(*kept)
+    while '"progress"' not in process.stderr.readline():
+        pass
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == code, err
+    samples = Checkpoint.load(tmp_path / "a.ckpt").film.samples
+    assert 0 < samples < 96
+    assert lumipath.Image.load(tmp_path / "a.exr").metadata["samples"] == pytest.approx(samples)
+    for arguments in (kept, ["-o", "b.exr"]):
+        process = start(*arguments)
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == 0, err
+    a, b = (lumipath.Image.load(tmp_path / name) for name in ("a.exr", "b.exr"))
+    np.testing.assert_array_equal(a.pixels, b.pixels)

@@ -259,7 +259,7 @@ def _read_with_oiio(path: Path) -> tuple[Floats, dict[str, Any]]:
     pixels = data[:, :, _colour_channels(spec.channelnames)]
     if path.suffix.lower() in _EIGHT_BIT:
         return decode_srgb(pixels), {}
-    return pixels, _read_header(spec) if path.suffix.lower() == ".exr" else {}
+    return pixels, read_header(spec) if path.suffix.lower() == ".exr" else {}
 
 
 def _colour_channels(names: Any) -> list[int]:
@@ -270,7 +270,8 @@ def _colour_channels(names: Any) -> list[int]:
     return [0, 1, 2] if len(names) >= 3 else [0, 0, 0]
 
 
-def _read_header(spec: Any) -> dict[str, Any]:
+def read_header(spec: Any) -> dict[str, Any]:
+    """The metadata in an OpenImageIO header, without what the format and the library put there."""
     named = {entry.name.removeprefix(_EXR_PREFIX): entry.value for entry in spec.extra_attribs}
     ours = {name: value for name, value in named.items() if ":" not in name and name not in _FOREIGN_NAMES}
     return {name: _attribute_value(value) for name, value in ours.items()}
