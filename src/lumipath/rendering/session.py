@@ -11,7 +11,6 @@ from typing import Any
 import attrs
 from attrs import frozen
 
-from .. import __version__
 from ..devices import open_device
 from ..devices.device import Device
 from ..errors import LumipathError, LumipathWarning, UsageError
@@ -253,16 +252,7 @@ class Session:
 
     def image(self) -> Image:
         """The image of the samples so far."""
-        self._settle()
-        metadata = {
-            "samples": self.film.samples,
-            "seed": self.settings.seed,
-            "seconds": self.render_seconds,
-            "scene": self.scene.name,
-            "version": __version__,
-            "device": self.device.name,
-        }
-        return Image(self.film.mean(), metadata)
+        return self.checkpoint().image()
 
 
 def render(
