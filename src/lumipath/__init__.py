@@ -18,6 +18,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "lumipath.errors": (
+        "CheckpointError",
         "DeviceError",
         "ImageError",
         "LumipathError",
@@ -27,7 +28,12 @@ _HOMES = {
         "UsageError",
     ),
     "lumipath.formats": ("load",),
+    "lumipath.imaging.comparison": ("Comparison", "compare"),
+    "lumipath.imaging.denoising": ("denoise",),
+    "lumipath.imaging.falsecolour": ("false_colour",),
+    "lumipath.rendering.checkpoint": ("Checkpoint",),
     "lumipath.rendering.image": ("Image",),
+    "lumipath.rendering.merging": ("merge",),
     "lumipath.rendering.session": ("Progress", "Session", "render"),
     "lumipath.devices": ("list_devices",),
     "lumipath.scene": (

@@ -53,6 +53,12 @@ class ImageError(LumipathError):
     exit_code = 3
 
 
+class CheckpointError(LumipathError):
+    """A checkpoint cannot be read or written, or belongs to another render."""
+
+    exit_code = 3
+
+
 class DeviceError(LumipathError):
     """The device asked for is not there or cannot be used."""
 

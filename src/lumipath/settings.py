@@ -17,12 +17,15 @@ INTEGRATORS = ("path", "whitted", "albedo", "normal", "depth", "ao")
 SAMPLERS = ("sobol", "independent")
 HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
-TONEMAPS = ("none", "linear", "agx", "aces")
+TONEMAPS = ("none", "linear", "agx", "aces", "reinhard")
 KERNELS = ("auto", "megakernel", "wavefront")
 PROGRESS_MODES = ("auto", "bar", "json", "none")
 
 MAX_PIXELS = 1 << 28
 MAX_SIDE = 1 << 16
+
+NOT_IN_SAMPLES = ("spp", "exposure", "tonemap", "threads", "kernel", "checkpoint_interval")
+"""Settings that no sample depends on: renders that differ only in these go on from one another and add up."""
 
 
 def _fail(name: str, value: object, wanted: str) -> UsageError:
@@ -128,6 +131,9 @@ class RenderSettings:
         4, "Scattering events before Russian roulette may end a path; off: never.", _optional(_integer(0, 1 << 16))
     )
     seed: int = _option(0, "Another seed gives independent noise.", _integer(0, (1 << 32) - 1))
+    first_sample: int = _option(
+        0, "Number of the first sample: machines that share a render take different ones.", _integer(0, 1 << 30)
+    )
     aperture: float | None = _option(
         None, "Lens radius; 0 is a pinhole; the camera's own by default.", _optional(_real(0.0, 1e6)), "metres"
     )
@@ -162,6 +168,7 @@ class RenderSettings:
         _choice(KERNELS),
         choices=KERNELS,
     )
+    checkpoint_interval: float = _option(60.0, "Time between checkpoints.", _real(0.0, 1e9), "seconds")
 
     def __attrs_post_init__(self) -> None:
         if self.focus is not None and self.focus_on is not None:

@@ -39,7 +39,7 @@ MADE = []
 
 
 class Session:
-    def __init__(self, scene, settings=None, *, device="auto", **overrides):
+    def __init__(self, scene, settings=None, *, device="auto", checkpoint=None, resume=False, **overrides):
         if device not in ("auto", "cpu"):
             raise DeviceError(f"unknown device {device!r}: use auto or cpu")
         self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
@@ -49,6 +49,8 @@ class Session:
         self.width, self.height = self.settings.size(scene.camera(self.settings.camera).aspect)
         self.focus = 4.5 if self.settings.focus_on else 1.0
         self.samples = 0
+        self.checkpoint, self.resume = checkpoint, resume
+        self.resumed = 2.0 if resume and checkpoint.exists() else 0.0
         self.restarts = []
         MADE.append(self)
 

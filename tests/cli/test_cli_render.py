@@ -133,7 +133,7 @@ class TestSettings:
             (("-D", "spq=3"), "no setting 'spq'; did you mean spp?"),
             (("-D", "zzz=3"), "no setting 'zzz'; there are spp, max_depth,"),
             (("-D", "spp"), "it must be key=value"),
-            (("--tonemap", "film"), "tonemap is 'film': it must be one of none, linear, agx, aces"),
+            (("--tonemap", "film"), "tonemap is 'film': it must be one of none, linear, agx, aces, reinhard"),
             (("--progress", "dots"), "--progress is 'dots': it must be one of auto, bar, json, none"),
             (("-c", "a.png", "--environment", "b.exr"), "give one of them"),
             (("--nope",), "No such option: --nope"),
@@ -212,6 +212,35 @@ class TestScene:
         code, _, err = lumipath("render", "--device", "cuda")
         assert code == 4
         assert err == "lumipath: error: unknown device 'cuda': use auto or cpu\n"
+
+
+class TestCheckpoint:
+    def test_reaches_the_session(self, lumipath, fake, tmp_path):
+        assert lumipath("render", "-w", 4, "--checkpoint", "a.ckpt", "--checkpoint-interval", 5)[0] == 0
+        assert (str(fake[0].checkpoint), fake[0].resume) == ("a.ckpt", False)
+        assert fake[0].settings.checkpoint_interval == 5
+
+    def test_resume_says_where_it_goes_on(self, lumipath, fake, tmp_path):
+        (tmp_path / "a.ckpt").touch()
+        _, _, err = lumipath("render", "-w", 4, "--checkpoint", "a.ckpt", "--resume")
+        assert err.startswith("lumipath: going on from a.ckpt at 2 spp\n")
+
+    def test_resume_without_a_file_begins_anew_and_says_so(self, lumipath, fake):
+        code, _, err = lumipath("render", "-w", 4, "--checkpoint", "a.ckpt", "--resume")
+        assert code == 0
+        assert err.startswith("lumipath: there is no a.ckpt yet: beginning anew\n")
+
+    def test_resume_needs_a_checkpoint(self, lumipath, fake):
+        code, _, err = lumipath("render", "-w", 4, "--resume")
+        assert (code, fake) == (2, [])
+        assert err == "lumipath: error: --resume needs --checkpoint FILE: the file to go on from\n"
+
+    def test_an_earlier_checkpoint_is_not_lost(self, lumipath, fake, tmp_path):
+        (tmp_path / "a.ckpt").write_bytes(b"earlier")
+        code, _, err = lumipath("render", "-w", 4, "--checkpoint", "a.ckpt")
+        assert (code, fake) == (2, [])
+        assert "a.ckpt is there already: add --resume to go on from it" in err
+        assert (tmp_path / "a.ckpt").read_bytes() == b"earlier"
 
 
 class TestProgress:

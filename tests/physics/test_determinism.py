@@ -97,6 +97,29 @@ def test_films_of_two_ranges_add_up_to_the_film_of_both(device, scene):
     np.testing.assert_allclose(first.mean(), both.mean(), rtol=2e-7, atol=1e-9)
 
 
+def test_going_on_from_uneven_counts_does_not_change_a_bit(device, scene):
+    session = Session(scene, device=device, threads=2, **SIZE)
+    # What an interruption leaves: some tiles have the samples of the pass, the others do not.
+    film, later = film_of(session, 3), film_of(session, 20)
+    for rows, columns in ((slice(0, 16), slice(0, 16)), (slice(16, 32), slice(32, 41)), (slice(32, 37), slice(16, 32))):
+        for array, other in zip(film.arrays, later.arrays):
+            array[rows, columns] = other[rows, columns]
+    for _ in session.device.render(session._packed, session._view, film.arrays, 40):
+        pass
+    assert bits(film) == bits(film_of(session, 40))
+
+
+def test_the_first_sample_is_where_the_random_numbers_begin(device, scene):
+    late = film_of(Session(scene, device=device, threads=2, first_sample=10, **SIZE), 20)
+    session = Session(scene, device=device, threads=2, **SIZE)
+    same = film_of(session, 30, first=10)
+    assert late.total.tobytes() + late.lost.tobytes() == same.total.tobytes() + same.lost.tobytes()
+    early, both = film_of(session, 10), film_of(session, 30)
+    early.add(late)
+    np.testing.assert_array_equal(early.counts, both.counts)
+    np.testing.assert_allclose(early.mean(), both.mean(), rtol=2e-7, atol=1e-9)
+
+
 def test_another_seed_changes_the_noise_and_nothing_else(device, scene):
     settings = {"width": 32, "spp": 32, "max_depth": 5, "device": device}
     a, b = renders(scene, seeds=12, **settings), renders(scene, seeds=12, first_seed=12, **settings)

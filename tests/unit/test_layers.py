@@ -20,6 +20,7 @@ LAYERS = (
     ("pack",),
     ("devices",),
     ("rendering",),
+    ("imaging",),
     ("bench",),
     ("cli",),
     ("__main__",),

@@ -14,6 +14,9 @@ PUBLIC = [
     "AmbientLight",
     "Box",
     "Camera",
+    "Checkpoint",
+    "CheckpointError",
+    "Comparison",
     "Cone",
     "Cylinder",
     "DeviceError",
@@ -38,8 +41,12 @@ PUBLIC = [
     "UsageError",
     "__version__",
     "builtin",
+    "compare",
+    "denoise",
+    "false_colour",
     "list_devices",
     "load",
+    "merge",
     "render",
 ]
 

@@ -69,6 +69,16 @@ def test_aces_matches_the_published_fit_for_white():
     np.testing.assert_allclose(decode_srgb(to_display([[1.0, 1.0, 1.0]], tonemap="aces")), expected, atol=1e-4)
 
 
+def test_reinhard_is_l_over_1_plus_l():
+    greys = np.array([[0.18] * 3, [1.0] * 3, [9.0] * 3])
+    np.testing.assert_allclose(decode_srgb(to_display(greys, tonemap="reinhard"))[:, 0], [0.18 / 1.18, 0.5, 0.9], 1e-5)
+
+
+def test_reinhard_keeps_the_ratios_of_a_colour():
+    shown = decode_srgb(to_display([[0.8, 0.4, 0.2]], tonemap="reinhard"))[0]
+    np.testing.assert_allclose(shown / shown[0], [1, 0.5, 0.25], rtol=1e-4)
+
+
 def test_unknown_tonemap_suggests_one():
     with pytest.raises(UsageError, match="did you mean agx"):
         to_display([[1.0, 1.0, 1.0]], tonemap="agxx")

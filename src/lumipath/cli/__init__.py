@@ -11,7 +11,7 @@ from typing import Annotated, Any, TextIO
 import typer
 
 from ..errors import LumipathError, LumipathWarning
-from . import bench, devices, info, render, scenes
+from . import bench, devices, image, info, render, scenes
 from ._signals import exit_code, sigterm_as_interrupt
 from ._terminal import one_line, show, show_error, show_warning
 
@@ -21,6 +21,7 @@ _app.command()(render.render)
 _app.command()(info.info)
 _app.command()(scenes.scenes)
 _app.command()(devices.devices)
+_app.add_typer(image.app, name="image")
 _app.add_typer(bench.app, name="bench")
 
 # All errors in how a command line is written; the class has no public name in every version of typer.

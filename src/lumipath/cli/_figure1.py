@@ -15,7 +15,7 @@ from attrs import frozen
 
 from ..bench.figure1 import Point, Running, Timing
 from ..bench.plot import INSTALL_HINT, SUFFIXES, can_plot, plot_figure1, require_matplotlib
-from ..errors import LumipathError, LumipathWarning, UsageError
+from ..errors import ImageError, LumipathError, LumipathWarning, UsageError
 from ._progress import Reporter, make_reporter
 from ._terminal import show, show_json, show_message
 
@@ -127,12 +127,14 @@ def finish(files: Files, facts: dict[str, Any], points: Sequence[Point], as_json
 
 def _write(files: Files, facts: dict[str, Any]) -> None:
     """The JSON file, then the plots; each whole or not at all."""
-    from ..rendering.image import replacing
+    from ..rendering.files import replacing, temporary_for
 
-    with replacing(files.numbers) as temporary:
+    temporary = temporary_for(files.numbers)
+    with replacing(files.numbers, temporary, ImageError):
         temporary.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
     for path in files.plots:
-        with replacing(path) as temporary:
+        temporary = temporary_for(path)
+        with replacing(path, temporary, ImageError):
             plot_figure1(facts, temporary)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import attrs
 import typer
+from attrs import frozen
 
-from ..errors import UsageError
+from ..errors import ImageError, RenderError, UsageError
 from ..settings import PROGRESS_MODES, RenderSettings
 from ._config import read_config
 from ._device import DeviceOption, GpuFlag, device_from
@@ -19,7 +21,7 @@ from ._progress import Reporter, Summary, make_reporter
 from ._scene import DEFAULT_SCENE, SceneArgument, open_scene, scene_stem
 from ._settings import from_definitions, from_flags, from_size, settings_from, with_setting_flags
 from ._signals import exit_code
-from ._terminal import show_error
+from ._terminal import show_error, show_warning
 
 if TYPE_CHECKING:
     from ..rendering.image import Image
@@ -54,6 +56,11 @@ def render(
     define: Annotated[
         list[str] | None, typer.Option("--define", "-D", metavar="KEY=VALUE", help="Any setting by its name.")
     ] = None,
+    checkpoint: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep the samples in FILE, so that nothing can be lost.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint, if it is there.")] = False,
+    denoise: Annotated[bool, typer.Option("--denoise", help="Remove the noise before the image is written.")] = False,
     progress: Annotated[
         str, typer.Option(metavar="|".join(PROGRESS_MODES), help="How progress is shown, on stderr.")
     ] = "auto",
@@ -66,6 +73,7 @@ def render(
     """Render SCENE to an image file.
 
     Ctrl-C stops: what was rendered until then is written.
+    With --checkpoint FILE --resume the same command goes on.
     """
     from ..rendering.image import check_writable
 
@@ -73,12 +81,18 @@ def render(
     settings = settings_from([*from_flags(flags), *from_size(size), *from_definitions(define or [])], base)
     target = output or Path(scene_stem(scene) + ".png")
     check_writable(target)
+    if denoise:
+        from ..imaging.denoising import require_denoiser
+
+        require_denoiser()
+    kept = Kept(checkpoint, resume)
+    kept.require_sense()
     with make_reporter(progress, quiet) as reporter:
         loaded = _with_environment(open_scene(scene), cubemap, environment)
-        session = _prepare(loaded, settings, device_from(device, gpu), reporter, verbose)
+        session = _prepare(loaded, settings, device_from(device, gpu), kept, reporter, verbose)
         last, interrupt = _run(session, reporter)
         reporter.close()
-        _finish(session, last, interrupt, target, reporter)
+        _finish(session, last, interrupt, target, reporter, denoise)
 
 
 def _with_environment(scene: Scene, cubemap: Path | None, environment: Path | None) -> Scene:
@@ -105,12 +119,38 @@ def _told_if_slow(reporter: Reporter, text: str) -> Iterator[None]:
         timer.cancel()
 
 
-def _prepare(scene: Scene, settings: RenderSettings, device: str, reporter: Reporter, verbose: bool) -> Session:
+@frozen
+class Kept:
+    """The checkpoint that the user wants."""
+
+    path: Path | None
+    resume: bool
+
+    def require_sense(self) -> None:
+        """Tell in the words of the command line what `Session` would refuse.
+
+        Raises:
+            UsageError: the two options do not go together with each other or with the files.
+        """
+        if self.path is None and self.resume:
+            raise UsageError("--resume needs --checkpoint FILE: the file to go on from")
+        if self.path is not None and self.path.exists() and not self.resume:
+            raise UsageError(
+                f"{self.path} is there already: add --resume to go on from it, delete it, or name another checkpoint"
+            )
+
+
+def _prepare(
+    scene: Scene, settings: RenderSettings, device: str, kept: Kept, reporter: Reporter, verbose: bool
+) -> Session:
     """Everything before the first sample, with a word about what took long."""
     from ..rendering.session import Session
 
     with _told_if_slow(reporter, "preparing the scene and compiling kernels (first run only) ..."):
-        session = Session(scene, settings, device=device)
+        session = Session(scene, settings, device=device, checkpoint=kept.path, resume=kept.resume)
+    if kept.resume:
+        found = f"going on from {kept.path} at {session.resumed:.4g} spp"
+        reporter.message(found if session.resumed else f"there is no {kept.path} yet: beginning anew")
     for seconds, what in ((session.build_seconds, "preparing the scene"), (session.compile_seconds, "compiling")):
         if seconds > _SLOW or verbose:
             reporter.message(f"{what} took {seconds:.1f} s")
@@ -134,7 +174,12 @@ def _run(session: Session, reporter: Reporter) -> tuple[Progress | None, Keyboar
 
 
 def _finish(
-    session: Session, last: Progress | None, interrupt: KeyboardInterrupt | None, target: Path, reporter: Reporter
+    session: Session,
+    last: Progress | None,
+    interrupt: KeyboardInterrupt | None,
+    target: Path,
+    reporter: Reporter,
+    denoise: bool,
 ) -> None:
     """Write the image and say so; after an interruption end with its exit code."""
     image = session.image()
@@ -142,7 +187,9 @@ def _finish(
     if interrupt is not None and not samples:
         show_error("interrupted before the first sample; nothing was written")
         raise typer.Exit(exit_code(interrupt))
-    image.save(target, exposure=session.settings.exposure, tonemap=session.settings.tonemap)
+    if denoise:
+        image = _denoised(image)
+    _save(image, target, session.settings)
     seconds = float(image.metadata.get("seconds", last.seconds if last else 0.0))
     paths = samples * session.width * session.height
     reporter.summary(
@@ -159,6 +206,34 @@ def _finish(
     )
     if interrupt is not None:
         raise typer.Exit(exit_code(interrupt))
+
+
+def _save(image: Image, target: Path, settings: RenderSettings) -> None:
+    """Write the image; where that has become impossible, write it to the folder of temporary files and say so.
+
+    Raises:
+        ImageError: it could not be written to where it should; the message says where it is.
+    """
+    try:
+        image.save(target, exposure=settings.exposure, tonemap=settings.tonemap)
+    except ImageError as error:
+        try:
+            rescued = Path(tempfile.mkdtemp(prefix="lumipath-")) / f"{target.stem}.exr"
+            image.save(rescued)
+        except (OSError, ImageError):
+            raise error from None
+        raise ImageError(f"{error}; the image is in {rescued}") from None
+
+
+def _denoised(image: Image) -> Image:
+    """The image without noise, or as it is with a warning: a failure must not lose the render."""
+    from ..imaging.denoising import denoise
+
+    try:
+        return denoise(image)
+    except RenderError as error:
+        show_warning(f"{error}; the image is written with its noise")
+        return image
 
 
 def _samples_in(image: Image, last: Progress | None) -> float:

@@ -21,6 +21,7 @@ from ..pack.scene import Packed
 from .cpu_batch import BATCH, CANCELLED, REJECTED, TILE_PIXELS, new_batch, render_tiles
 from .cpu_pixels import render_pixels
 from .device import DeviceInfo
+from .interrupts import deferred_interrupts
 
 _LOOK_SECONDS = 0.25
 
@@ -62,11 +63,13 @@ class CpuDevice:
     """Renders with threads that run compiled code without Python's lock."""
 
     kind = "cpu"
+    even_counts = False
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or usable_cores()
         self.name = f"{processor_name()}, {self.threads} thread{'s' if self.threads > 1 else ''}"
         self._batches = [new_batch() for _ in range(self.threads)]
+        self._control = np.zeros(4, np.int64)
         self._pool = ThreadPoolExecutor(self.threads, "lumipath", initializer=quiet_arithmetic)
 
     def upload(self, packed: Packed) -> PackedScene:
@@ -87,7 +90,7 @@ class CpuDevice:
 
     def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
         """Bring every pixel of the film up to `last` samples; see `Device.render`."""
-        control = np.zeros(4, np.int64)
+        self._control = control = np.zeros(4, np.int64)
         renderer = renderer_of(scene)
         work: list[Future[None]] = []
         reported = 0
@@ -99,11 +102,16 @@ class CpuDevice:
                 reported = int(control[REJECTED])
         finally:
             # What is under way is finished, tiles of paths or else pixels, so that every pixel's count is true.
-            control[CANCELLED] = 1
-            wait(work)
+            with deferred_interrupts():
+                control[CANCELLED] = 1
+                wait(work)
         for item in work:
             item.result()
         yield int(control[REJECTED]) - reported
+
+    def cancel(self) -> None:
+        """End the pass after the tiles that are under way; see `Device.cancel`."""
+        self._control[CANCELLED] = 1
 
     def download(self, film: FilmArrays) -> None:
         """Nothing: the threads add to the film itself."""

@@ -154,7 +154,7 @@ def generate(scene, view, batch, column, row, columns, rows, first, samples):
         for x in range(columns):
             pixel = u32((row + y) * view.width + column + x)
             for s in range(samples):
-                sample = u32(first + s)
+                sample = u32(view.first_sample + u32(first + s))
                 numbers = camera_numbers(scene, pixel, sample, view.seed)
                 path = start_path(scene, view, i32(column + x), i32(row + y), numbers)
                 store_path(batch, n, path, n, pixel, sample)

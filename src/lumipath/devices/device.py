@@ -26,6 +26,8 @@ class Device(Protocol):
 
     kind: str
     name: str
+    even_counts: bool
+    """Whether a pass must find the same number of samples in every pixel."""
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and bring everything to where kernels read it."""
@@ -42,6 +44,9 @@ class Device(Protocol):
         Yields several times a second the number of samples that were not finite since the last time. Closing the
         iterator, or an exception in it, stops the work and leaves the film valid: every pixel with its count.
         """
+
+    def cancel(self) -> None:
+        """End the pass that is under way early; its iterator must still be used up, and counts are then true."""
 
     def download(self, film: FilmArrays) -> None:
         """Bring the sums to the film's own arrays, where they are not there already."""

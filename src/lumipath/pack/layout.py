@@ -147,6 +147,7 @@ class View(NamedTuple):
     film_width: i32
     film_height: i32
     seed: u32
+    first_sample: u32  # number of the sample that the film's count 0 stands for
     max_depth: i32
     rr_depth: i32
     ao_distance: f32  # metres; 0: follows from the scene's extent

@@ -170,6 +170,7 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
         film_width=i32(right - left),
         film_height=i32(bottom - top),
         seed=u32(settings.seed),
+        first_sample=u32(settings.first_sample),
         max_depth=i32(max_depth),
         rr_depth=i32(settings.rr_depth if settings.rr_depth is not None else 1 << 30),
         ao_distance=f32(settings.ao_distance or 0.0),

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import UsageError
 from ..pack.layout import FilmArrays
+from .memory import available_memory
+
+BYTES_PER_PIXEL = 40
+"""Sums, what they lost and counts, and the image that is made of them."""
+
+_MOST_SAMPLES = (1 << 32) - 1
+_ROWS = 64
 
 
 class Film:
@@ -16,9 +27,18 @@ class Film:
         lost: (H, W, 3) float32 what rounding took from `total`; the true sum is total + lost.
         counts: (H, W) uint32 samples in each pixel.
         rejected: samples that were not finite and count as black.
+
+    Raises:
+        UsageError: there is not enough memory for a film of that size.
     """
 
     def __init__(self, width: int, height: int) -> None:
+        needed, available = width * height * BYTES_PER_PIXEL, available_memory()
+        if available is not None and needed > available:
+            raise UsageError(
+                f"{width} x {height} pixels need {needed} bytes for film and image, and {available} are available; "
+                "choose a smaller size, or render it in crops"
+            )
         self.total: NDArray[np.float32] = np.zeros((height, width, 3), np.float32)
         self.lost: NDArray[np.float32] = np.zeros((height, width, 3), np.float32)
         self.counts: NDArray[np.uint32] = np.zeros((height, width), np.uint32)
@@ -52,19 +72,47 @@ class Film:
 
     def mean(self) -> NDArray[np.float32]:
         """(H, W, 3) float32: the mean radiance of each pixel; 0 where there is no sample yet."""
-        counts = np.maximum(self.counts, 1).astype(np.float64)[..., None]
-        return ((self.total.astype(np.float64) + self.lost) / counts).astype(np.float32)
+        image = np.empty(self.total.shape, np.float32)
+        # Some rows at a time: float64 copies of everything would take more memory than the film.
+        for top in range(0, self.height, _ROWS):
+            rows = slice(top, top + _ROWS)
+            counts = np.maximum(self.counts[rows], 1).astype(np.float64)[..., None]
+            image[rows] = (self.total[rows].astype(np.float64) + self.lost[rows]) / counts
+        return image
 
     def add(self, other: Film) -> None:
         """Add the samples of another film of the same size.
 
         Raises:
-            ValueError: the sizes differ.
+            ValueError: the sizes differ, or there are more samples than can be counted.
         """
         if other.total.shape != self.total.shape:
             raise ValueError(f"films of {self.width} x {self.height} and {other.width} x {other.height} do not add up")
-        sums = self.total.astype(np.float64) + self.lost + other.total + other.lost
-        self.total[...] = sums
-        self.lost[...] = sums - self.total
+        if int(self.counts.max()) + int(other.counts.max()) > _MOST_SAMPLES:
+            raise ValueError(f"a pixel of the sum would have more than {_MOST_SAMPLES} samples")
+        for top in range(0, self.height, _ROWS):
+            rows = slice(top, top + _ROWS)
+            sums = self.total[rows].astype(np.float64) + self.lost[rows] + other.total[rows] + other.lost[rows]
+            self.total[rows] = sums
+            self.lost[rows] = sums - self.total[rows]
         self.counts += other.counts
         self.rejected += other.rejected
+
+
+def level(film: Film, render: Callable[[Film, int], None]) -> None:
+    """Bring all pixels of a film up to the number of samples that the first of them have.
+
+    Args:
+        film: whose pixels have different numbers of samples, as after an interruption.
+        render: brings all pixels of a film, which have equal counts, up to a number of samples.
+    """
+    steps = [int(count) for count in np.unique(film.counts)]
+    for low, high in pairwise(steps):
+        missing = Film(film.width, film.height)
+        missing.counts[...] = low
+        render(missing, high)
+        missing.counts -= np.uint32(low)
+        others = film.counts != low
+        for array in missing.arrays:
+            array[others] = 0
+        film.add(missing)

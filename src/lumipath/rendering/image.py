@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import os
-import secrets
-import stat
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +12,7 @@ from attrs import define, field
 from numpy.typing import NDArray
 
 from ..errors import ImageError
+from .files import claim_space, replacing, target_of, temporary_for, try_to_write
 from .tonemap import DATA_INTEGRATORS, check_tonemap, data_to_display, decode_srgb, to_display
 
 Floats = NDArray[np.float32]
@@ -125,7 +122,8 @@ class Image:
         check_tonemap(tonemap)
         target = _target(Path(path))
         suffix = target.suffix.lower()
-        with replacing(target) as temporary:
+        temporary = temporary_for(target)
+        with replacing(target, temporary, ImageError):
             if suffix == ".npy":
                 _write_npy(temporary, self.pixels)
             elif suffix == ".exr":
@@ -137,7 +135,7 @@ class Image:
                 data = self.to_uint8(exposure, tonemap)
                 # libjpeg ends the whole process when the disk is full, so the room is claimed beforehand.
                 if suffix != ".png":
-                    _claim_space(temporary, data.nbytes)
+                    claim_space(temporary, data.nbytes)
                 colour_space = "linear" if tonemap == "linear" or self._shows_data else "sRGB"
                 _write_with_oiio(temporary, data, {"CompressionQuality": 95, "oiio:ColorSpace": colour_space})
 
@@ -167,11 +165,7 @@ def check_writable(path: str | os.PathLike[str], suffixes: tuple[str, ...] = SUF
     Raises:
         ImageError: unknown suffix, missing folder, a directory, no permission; the message says what to do.
     """
-    target = _target(Path(path), suffixes)
-    temporary = _temporary_name(target)
-    with _reported(target):
-        temporary.touch(exist_ok=False)
-        temporary.unlink()
+    try_to_write(_target(Path(path), suffixes), ImageError)
 
 
 def _check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
@@ -181,60 +175,10 @@ def _check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
 
 
 def _target(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-    """The file that `path` means, links followed, after every check that needs no writing."""
-    with _reported(path):
-        if path.is_dir():
-            raise ImageError(f"{path} is a directory; add a file name, for example {path / 'image.png'}")
-        _check_suffix(path, suffixes)
-        target = Path(os.path.realpath(path))
-        folder = target.parent
-        if not folder.exists():
-            raise ImageError(f"{path}: there is no folder {folder}; create it first (mkdir -p {folder})")
-        if not folder.is_dir():
-            raise ImageError(f"{path}: {folder} is a file, not a folder")
-        if target.exists() and not stat.S_ISREG(target.stat().st_mode):
-            raise ImageError(f"{path} is not a regular file; choose another name")
-        if target.exists() and not os.access(target, os.W_OK):
-            raise ImageError(f"{path} is read-only; choose another name or change its permissions")
+    """The file that `path` means, after every check that needs no writing."""
+    target = target_of(path, ImageError, "image.png")
+    _check_suffix(path, suffixes)
     return target
-
-
-def _temporary_name(target: Path) -> Path:
-    # In the same folder, so that the final rename cannot cross file systems; the suffix tells OpenImageIO the format.
-    return target.with_name(f".lumipath-{secrets.token_hex(6)}{target.suffix.lower()}")
-
-
-@contextmanager
-def _reported(path: Path) -> Iterator[None]:
-    """Turn an operating system's error into an ImageError that names the file the user gave."""
-    try:
-        yield
-    except PermissionError:
-        raise ImageError(f"{path}: no permission to write in {path.parent}; choose another folder") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ImageError(f"{path}: cannot be written: {reason}") from None
-
-
-@contextmanager
-def replacing(target: Path) -> Iterator[Path]:
-    """A temporary file that takes the place of `target` if the block succeeds, and vanishes if not."""
-    temporary = _temporary_name(target)
-    try:
-        with _reported(target):
-            yield temporary
-            temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _claim_space(path: Path, size: int) -> None:
-    """Raise an OSError now if there is no room for `size` bytes more."""
-    with path.open("wb") as file:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(file.fileno(), 0, size)
-        else:
-            file.write(bytes(size))
 
 
 def _write_npy(path: Path, pixels: Floats) -> None:
@@ -328,7 +272,7 @@ def _read_with_oiio(path: Path) -> tuple[Floats, dict[str, Any]]:
     pixels = data[:, :, _colour_channels(spec.channelnames)]
     if path.suffix.lower() in _EIGHT_BIT:
         return decode_srgb(pixels), {}
-    return pixels, _read_header(spec) if path.suffix.lower() == ".exr" else {}
+    return pixels, read_header(spec) if path.suffix.lower() == ".exr" else {}
 
 
 def _colour_channels(names: Any) -> list[int]:
@@ -339,7 +283,8 @@ def _colour_channels(names: Any) -> list[int]:
     return [0, 1, 2] if len(names) >= 3 else [0, 0, 0]
 
 
-def _read_header(spec: Any) -> dict[str, Any]:
+def read_header(spec: Any) -> dict[str, Any]:
+    """The metadata in an OpenImageIO header, without what the format and the library put there."""
     named = {entry.name.removeprefix(_EXR_PREFIX): entry.value for entry in spec.extra_attribs}
     ours = {name: value for name, value in named.items() if ":" not in name and name not in _FOREIGN_NAMES}
     return {name: _attribute_value(value) for name, value in ours.items()}

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
 from typing import Any
 
 import attrs
 from attrs import frozen
 
-from .. import __version__
 from ..devices import open_device, warn_of_fallback
 from ..devices.device import Device
-from ..errors import DeviceError, LumipathWarning, UsageError
+from ..errors import DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
 from ..pack import layout
 from ..pack.scene import Packed, pack_scene, pack_view, settings_features
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
-from .film import Film
+from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
+from .film import Film, level
 from .image import Image
 
 
@@ -55,6 +56,9 @@ class Session:
         scene: what to render.
         settings: how; the defaults of `RenderSettings` where None.
         device: `auto` (a GPU where one can be used, else the CPU), `cpu`, `cuda`, `cuda:1`, `cuda:all`.
+        checkpoint: file that the film is written to every `checkpoint_interval` seconds, at the end, and whenever the
+            iteration is left; None: no file. One that is there already is only accepted with `resume`.
+        resume: go on from the checkpoint, if it is there.
         overrides: fields of `RenderSettings` that replace those of `settings`.
 
     Attributes:
@@ -62,6 +66,7 @@ class Session:
         device: what renders; its `name` is for people.
         film: the sums so far.
         focus: distance of the plane in focus along the viewing direction, metres.
+        resumed: mean samples per pixel that came from the checkpoint; 0 where none was there.
         build_seconds: time that packing and tree building took.
         compile_seconds: time that compiling the kernels, or loading them from the disk, took.
 
@@ -70,7 +75,14 @@ class Session:
     """
 
     def __init__(
-        self, scene: Scene, settings: RenderSettings | None = None, *, device: str = "auto", **overrides: Any
+        self,
+        scene: Scene,
+        settings: RenderSettings | None = None,
+        *,
+        device: str = "auto",
+        checkpoint: str | Path | None = None,
+        resume: bool = False,
+        **overrides: Any,
     ) -> None:
         self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
         self.scene = scene
@@ -83,7 +95,9 @@ class Session:
             )
         camera = scene.camera(self.settings.camera)
         self._view = pack_view(camera, self.settings)
+        self._identity = Identity.of(scene, self.settings)
         self.film = Film(int(self._view.film_width), int(self._view.film_height))
+        self._file, found = self._open_checkpoint(checkpoint, resume)
         self.device: Device = open_device(device, self.settings.threads, self.settings.kernel)
         try:
             self._prepare(camera)
@@ -94,7 +108,11 @@ class Session:
             self.device = open_device("cpu", self.settings.threads)
             self._prepare(camera)
         self.render_seconds = 0.0
+        self.resumed = 0.0
         self._warned = False
+        self._work: Generator[int, None, None] | None = None
+        if found is not None:
+            self._take(found)
 
     def _prepare(self, camera: Camera) -> None:
         """Bring the scene to the device, and compile the kernels for what it uses."""
@@ -125,6 +143,28 @@ class Session:
         """Distance of the plane in focus along the viewing direction, metres."""
         return float(self._view.lens[layout.FOCUS])
 
+    def _open_checkpoint(
+        self, path: str | Path | None, resume: bool
+    ) -> tuple[CheckpointFile | None, Checkpoint | None]:
+        """The file to write to, and what is in it; before anything slow, so that a wrong one is told at once."""
+        if path is None:
+            if resume:
+                raise UsageError("resume needs a checkpoint: name its file")
+            return None, None
+        file = CheckpointFile(path, self.settings.checkpoint_interval)
+        if not file.path.exists():
+            return file, None
+        if not resume:
+            raise UsageError(f"{path} is there already: resume it, delete it, or name another checkpoint")
+        return file, self._checked(path)
+
+    def _checked(self, path: str | Path) -> Checkpoint:
+        """The checkpoint in a file, if this render may go on from it."""
+        found = Checkpoint.load(path)
+        found.require_same(self._identity, path, "this render")
+        found.require_start(self.settings.seed, self.settings.first_sample, path)
+        return found
+
     @property
     def width(self) -> int:
         """Pixels across, of what is rendered."""
@@ -137,15 +177,16 @@ class Session:
 
     def __iter__(self) -> Iterator[Progress]:
         """Render, and report several times a second; leaving the loop at any time leaves the film valid."""
-        done = int(self.film.counts.min())
-        while done < self.settings.spp:
-            last = min(self.settings.spp, self.device.next_stop(done, self.width * self.height))
-            yield from self._render_pass(last)
-            done = last
+        try:
+            while (done := int(self.film.counts.min())) < self.settings.spp:
+                last = min(self.settings.spp, self.device.next_stop(done, self.width * self.height))
+                yield from self._render_pass(last)
+        finally:
+            self._keep()
 
     def _render_pass(self, last: int) -> Iterator[Progress]:
         """Bring every pixel up to `last` samples; only the time spent here counts as rendering."""
-        work = self.device.render(self._packed, self._view, self.film.arrays, last)
+        self._work = work = self.device.render(self._packed, self._view, self.film.arrays, last)
         start = time.perf_counter()
         try:
             for rejected in work:
@@ -153,9 +194,71 @@ class Session:
                 self.render_seconds += time.perf_counter() - start
                 self._warn_of_rejected()
                 yield self.progress()
+                if self._file is not None and self._file.is_due:
+                    self._keep()
                 start = time.perf_counter()
         finally:
             work.close()
+            self._work = None
+
+    def _settle(self) -> None:
+        """End the pass that is under way, so that sums and counts agree and are the host's; the next one goes on."""
+        if self._work is not None:
+            self.device.cancel()
+            self.film.rejected += sum(self._work)
+        self.device.download(self.film.arrays)
+
+    def _keep(self) -> None:
+        """Write the checkpoint; a failure does not end the render, since the earlier file is still there."""
+        if self._file is None:
+            return
+        try:
+            self._file.write(self.checkpoint())
+        except LumipathError as error:
+            warnings.warn(f"no checkpoint: {error}; the render goes on", LumipathWarning, stacklevel=2)
+
+    def checkpoint(self) -> Checkpoint:
+        """The film as it is, with all that is needed to go on from it; it shares the film's arrays."""
+        self._settle()
+        held = range_of(self.film, self.settings.seed, self.settings.first_sample)
+        seconds, device = self.render_seconds, self.device.name
+        return Checkpoint(self.film, self._identity, (held,), seconds, self.scene.name, device)
+
+    def save_checkpoint(self, path: str | Path) -> None:
+        """Write the film to a file, from which a session of the same scene and settings may go on.
+
+        Raises:
+            CheckpointError: the file cannot be written; an earlier one of this name is still there.
+        """
+        self.checkpoint().save(path)
+
+    def load_checkpoint(self, path: str | Path) -> None:
+        """Replace the film by the one in a file.
+
+        Raises:
+            CheckpointError: it cannot be read, or belongs to another render; the message names the differences.
+        """
+        found = self._checked(path)
+        self._settle()
+        self._take(found)
+
+    def _take(self, found: Checkpoint) -> None:
+        self.device.clear()
+        for array, kept in zip(self.film.arrays, found.film.arrays):
+            array[...] = kept
+        self.film.rejected = found.film.rejected
+        self.render_seconds = found.seconds
+        if self.device.even_counts:
+            level(self.film, self._render_apart)
+        self.resumed = self.film.samples
+
+    def _render_apart(self, film: Film, last: int) -> None:
+        """Bring another film up to `last` samples."""
+        self.device.clear()
+        for rejected in self.device.render(self._packed, self._view, film.arrays, last):
+            film.rejected += rejected
+        self.device.download(film.arrays)
+        self.device.clear()
 
     def restart(self, seed: int) -> None:
         """Begin anew with another seed; scene, tree and kernels stay as they are."""
@@ -164,6 +267,7 @@ class Session:
         self.film.clear()
         self.device.clear()
         self.render_seconds = 0.0
+        self.resumed = 0.0
 
     def _warn_of_rejected(self) -> None:
         if self.film.rejected and not self._warned:
@@ -186,21 +290,17 @@ class Session:
 
     def image(self) -> Image:
         """The image of the samples so far."""
-        self.device.download(self.film.arrays)
-        metadata = {
-            "samples": self.film.samples,
-            "seed": self.settings.seed,
-            "integrator": self.settings.integrator,
-            "seconds": self.render_seconds,
-            "scene": self.scene.name,
-            "version": __version__,
-            "device": self.device.name,
-        }
-        return Image(self.film.mean(), metadata)
+        return self.checkpoint().image()
 
 
 def render(
-    scene: Scene, *, device: str = "auto", progress: Callable[[Progress], None] | None = None, **settings: Any
+    scene: Scene,
+    *,
+    device: str = "auto",
+    progress: Callable[[Progress], None] | None = None,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    **settings: Any,
 ) -> Image:
     """Render a scene.
 
@@ -208,9 +308,11 @@ def render(
         scene: from `lumipath.load` or made in Python.
         device: as for `Session`.
         progress: called with a `Progress` after each pass.
+        checkpoint: file to keep the film in, so that nothing is lost; see `Session`.
+        resume: go on from the checkpoint, if it is there.
         settings: fields of `RenderSettings`, as `spp=256`.
 
     Raises:
         LumipathError: a setting, the scene or the device is wrong.
     """
-    return Session(scene, device=device, **settings).run(progress)
+    return Session(scene, device=device, checkpoint=checkpoint, resume=resume, **settings).run(progress)

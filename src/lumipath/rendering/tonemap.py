@@ -97,7 +97,30 @@ def aces(linear: Floats) -> Floats:
     return np.clip(fit @ _ACES_OUTPUT.T.astype(np.float32), 0, 1)
 
 
-_CURVES: dict[str, Callable[[Floats], Floats]] = {"none": clamp, "linear": clamp, "agx": agx, "aces": aces}
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def luminance(linear: Floats) -> NDArray[np.float64]:
+    """The luminance (...) float64 of linear Rec.709 values (..., 3), after ITU-R BT.709."""
+    return np.asarray(linear) @ _LUMINANCE
+
+
+def reinhard(linear: Floats) -> Floats:
+    """Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images", equation 3: L / (1 + L).
+
+    Colours are scaled by luminance, so that their hue stays; saturated ones may still exceed 1, and are clamped.
+    """
+    # In float64, since the last digits of bright greys would not be in order else.
+    return np.clip(linear / (1 + luminance(linear)[..., None]), 0, 1).astype(np.float32)
+
+
+_CURVES: dict[str, Callable[[Floats], Floats]] = {
+    "none": clamp,
+    "linear": clamp,
+    "agx": agx,
+    "aces": aces,
+    "reinhard": reinhard,
+}
 
 
 def check_tonemap(name: str) -> str:

@@ -1,6 +1,7 @@
 """What a scene is, in world units, validated; knows nothing of files or rendering."""
 
 from .camera import Camera
+from .digest import scene_digest
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
 from .material import Material, Texture
 from .scene import Scene
@@ -23,6 +24,7 @@ __all__ = [
     "Sphere",
     "Square",
     "Texture",
+    "scene_digest",
     "smooth_normals",
     "transform_mesh",
 ]

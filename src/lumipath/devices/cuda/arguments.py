@@ -21,7 +21,13 @@ def type_of(value: Any) -> types.Type:
 
 
 VIEW_TYPE = types.NamedTuple(
-    (types.Array(types.float32, 1, "C"), *([types.int32] * 6), types.uint32, types.int32, types.int32, types.float32),
+    (
+        types.Array(types.float32, 1, "C"),
+        *([types.int32] * 6),
+        *([types.uint32] * 2),
+        *([types.int32] * 2),
+        types.float32,
+    ),
     View,
 )
 FILM_TYPE = types.NamedTuple(

@@ -19,6 +19,7 @@ from ...lang import Features
 from ...pack.layout import PIXEL_INTEGRATORS, WIDE_TREE, FilmArrays, PackedScene, View
 from ...pack.scene import Packed
 from ..device import DeviceInfo
+from ..interrupts import deferred_interrupts
 from .driver import DeviceArray, Gpu, device_count
 from .schedulers import Megakernel, Scheduler, Wavefront
 
@@ -103,6 +104,8 @@ class CudaDevice:
     """
 
     kind = "cuda"
+    even_counts = True
+    even_counts = True
 
     def __init__(self, index: int | None = 0, kernel: str = "auto") -> None:
         gpus = [Gpu(number) for number in (range(device_count()) if index is None else (index,))]
@@ -114,10 +117,10 @@ class CudaDevice:
         self._workers = [Worker(gpu) for _ in range(_WORKERS_PER_GPU) for gpu in gpus]
         self._pool = ThreadPoolExecutor(len(self._workers), "lumipath-gpu")
         self._running: dict[Future[int], tuple[Worker, int]] = {}
-        self._rejected = 0
         self._kernel = kernel
         self._stack = _STACK
         self._scenes: dict[int, PackedScene] = {}
+        self._cancelled = False
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPUs."""
@@ -150,39 +153,50 @@ class CudaDevice:
         A contribution that is not finite is left out and counted; the rest of its sample stays.
         """
         first = int(film.counts[0, 0])
+        offset = int(view.first_sample)
+        pixels = int(view.film_width) * int(view.film_height)
         for worker in self._workers:
             worker.begin(view, film, empty=first == 0 or worker is not self._workers[0])
-        pixels = int(view.film_width) * int(view.film_height)
+        self._cancelled = False
         try:
-            while self._running or first < last:
-                busy = {worker for worker, _ in self._running.values()}
-                for worker in self._workers:
-                    if worker not in busy and first < last:
-                        samples = slice_samples(worker.rate / pixels, last - first, len(self._workers))
-                        slice_ = self._pool.submit(worker.run, first, first + samples, pixels)
-                        self._running[slice_] = worker, samples
-                        first += samples
-                self._count(film, wait(self._running, return_when=FIRST_COMPLETED).done)
-                rejected, self._rejected = self._rejected, 0
-                yield rejected
+            while self._running or (first < last and not self._cancelled):
+                with deferred_interrupts():
+                    first = self._start_slices(first, last if not self._cancelled else first, offset, pixels)
+                finished = wait(self._running, return_when=FIRST_COMPLETED).done
+                yield self._count(film, finished)
         finally:
             # After an interrupt as well: what the GPUs are still at work on is counted.
-            self._settle(film)
+            with deferred_interrupts():
+                self._count(film, wait(self._running).done)
 
-    def _count(self, film: FilmArrays, slices: Iterable[Future[int]]) -> None:
-        """Count the samples of slices that are done."""
-        for item in slices:
-            _, samples = self._running.pop(item)
-            self._rejected += item.result()
-            film.counts[...] += np.uint32(samples)
+    def _start_slices(self, first: int, last: int, offset: int, pixels: int) -> int:
+        """Give a slice of the samples first .. last - 1 to each worker that is free; returns the first that is left."""
+        busy = {worker for worker, _ in self._running.values()}
+        for worker in self._workers:
+            if worker not in busy and first < last:
+                samples = slice_samples(worker.rate / pixels, last - first, len(self._workers))
+                task = self._pool.submit(worker.run, offset + first, offset + first + samples, pixels)
+                self._running[task] = worker, samples
+                first += samples
+        return first
 
-    def _settle(self, film: FilmArrays) -> None:
-        """Wait for everything that runs."""
-        self._count(film, wait(self._running).done)
+    def _count(self, film: FilmArrays, slices: Iterable[Future[int]]) -> int:
+        """Count the samples of slices that are done; returns how many contributions were not finite."""
+        rejected = 0
+        # Samples are in the sums already: an interrupt must not come between.
+        with deferred_interrupts():
+            for item in slices:
+                _, samples = self._running.pop(item)
+                rejected += item.result()
+                film.counts[...] += np.uint32(samples)
+        return rejected
+
+    def cancel(self) -> None:
+        """End the pass after the slices that are under way; see `Device.cancel`."""
+        self._cancelled = True
 
     def download(self, film: FilmArrays) -> None:
         """Bring the sums of all workers to the host."""
-        self._settle(film)
         if not any(worker.has_sums for worker in self._workers):
             return
         total = np.zeros(film.total.shape, np.float64)

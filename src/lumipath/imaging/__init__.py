@@ -1,0 +1,1 @@
+"""What is done with images after rendering: facts, comparison, false colour, denoising."""

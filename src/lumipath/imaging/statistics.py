@@ -1,0 +1,89 @@
+"""Facts about an image file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ImageError
+from ..rendering.checkpoint import Checkpoint
+from ..rendering.image import Image, read_header
+from .files import is_image_name
+
+
+def describe(path: Path) -> dict[str, Any]:
+    """What an image file or a checkpoint holds, ready for JSON.
+
+    `channels` has for each channel name, type, `min`, `max` and `mean` of its finite values (of the stored ones: an
+    8-bit file goes from 0 to 1, not linear), and the number of values that are `not_finite`.
+
+    Raises:
+        ImageError: the image is missing or cannot be read.
+        CheckpointError: so is the checkpoint.
+    """
+    if not is_image_name(path):
+        return _of_checkpoint(path)
+    if path.suffix.lower() == ".npy":
+        image = Image.load(path)
+        return _facts(path, "npy", image.pixels, list("RGB"), ["float"] * 3, {})
+    return _of_image(path)
+
+
+def _of_checkpoint(path: Path) -> dict[str, Any]:
+    held = Checkpoint.load(path)
+    image = held.image()
+    facts = _facts(path, "checkpoint", image.pixels, list("RGB"), ["float"] * 3, image.metadata)
+    return {
+        **facts,
+        "ranges": [attrs.asdict(part) for part in held.ranges],
+        "samples_of_a_pixel": [int(held.film.counts.min()), int(held.film.counts.max())],
+        "rejected": held.film.rejected,
+        "scene_digest": held.identity.scene,
+        "settings": held.identity.settings,
+    }
+
+
+def _of_image(path: Path) -> dict[str, Any]:
+    import OpenImageIO
+
+    # The errors of a missing or damaged file are those of every other reader.
+    Image.load(path)
+    source = OpenImageIO.ImageInput.open(str(path))
+    if source is None:
+        raise ImageError(f"{path}: cannot be read: {OpenImageIO.geterror().strip()}")
+    spec = source.spec()
+    pixels = np.asarray(source.read_image(OpenImageIO.FLOAT), np.float32)
+    source.close()
+    types = [str(spec.channelformat(channel)) for channel in range(spec.nchannels)]
+    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+    return _facts(path, path.suffix.lower()[1:], pixels, list(spec.channelnames), types, read_header(spec))
+
+
+def _facts(
+    path: Path, kind: str, pixels: NDArray[np.float32], names: list[str], types: list[str], metadata: dict[str, Any]
+) -> dict[str, Any]:
+    return {
+        "file": str(path),
+        "format": kind,
+        "width": int(pixels.shape[1]),
+        "height": int(pixels.shape[0]),
+        "channels": [_channel(pixels[:, :, k], name, types[k]) for k, name in enumerate(names)],
+        "metadata": metadata,
+    }
+
+
+def _channel(values: NDArray[np.float32], name: str, kind: str) -> dict[str, Any]:
+    finite = values[np.isfinite(values)]
+    some = finite if finite.size else np.zeros(1, np.float32)
+    return {
+        "name": name,
+        "type": kind,
+        "min": float(some.min()),
+        "max": float(some.max()),
+        "mean": float(some.mean(dtype=np.float64)),
+        "not_finite": int(values.size - finite.size),
+    }
