@@ -55,10 +55,12 @@ class Worker:
         """Take a view; and, if there are no sums yet, those of `film`, or none where `empty`."""
         self.gpu.open()
         self._view = to_device(view)
-        if self._film is None and empty:
-            self._film = FilmArrays(*(DeviceArray.zeros(array.shape, array.dtype) for array in film))
-        elif self._film is None:
-            self._film = to_device(film)
+        if self._film is None:
+            assert self._scheduler is not None, "take comes first"
+            planes = self._scheduler.planes(view)
+            self._film = FilmArrays(*(planes_of(array, planes) for array in film))
+            for array, sums in zip(film, () if empty else self._film):
+                sums.upload(array)
         self.gpu.synchronize()
 
     def run(self, first: int, last: int, pixels: int) -> int:
@@ -82,7 +84,7 @@ class Worker:
             for array in (self._film.total, self._film.lost):
                 host = np.empty(array.shape, array.dtype)
                 array.download(host)
-                total += host
+                total += host.reshape(-1, *total.shape).sum(axis=0, dtype=np.float64)
 
     def clear(self) -> None:
         """Forget the sums."""
@@ -209,6 +211,11 @@ class CudaDevice:
         """Forget the sums on the GPUs."""
         for worker in self._workers:
             worker.clear()
+
+
+def planes_of(array: NDArray[Any], planes: int) -> DeviceArray:
+    """As many planes of zeros as wanted, one upon the other, each like an array of the film."""
+    return DeviceArray.zeros((planes * array.shape[0], *array.shape[1:]), array.dtype)
 
 
 def slice_samples(rate: float, left: int, workers: int) -> int:

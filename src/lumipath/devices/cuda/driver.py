@@ -199,10 +199,10 @@ class DeviceArray:
         return made
 
     def upload(self, array: NDArray[Any]) -> None:
-        """Copy from the host."""
-        if self.nbytes:
+        """Copy a host array of this size, or a smaller one to the beginning."""
+        if array.nbytes:
             host = np.ascontiguousarray(array)
-            check(self._driver.cuMemcpyHtoD(self.pointer, host.ctypes.data, self.nbytes), "uploading")
+            check(self._driver.cuMemcpyHtoD(self.pointer, host.ctypes.data, array.nbytes), "uploading")
 
     def download(self, array: NDArray[Any]) -> None:
         """Copy to a contiguous host array of the same size."""

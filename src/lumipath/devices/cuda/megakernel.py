@@ -21,20 +21,12 @@ from ...kernels.vectors import black
 from ...lang import Vec3, i32, kernel, stack_ints, struct, u32
 from ...lang.cuda import cuda_entry
 from .film import add_samples
-from .work import finite_or_counted, lanes_before, place_of
+from .work import finite_or_counted, is_on_film, lanes_before, place_in_tile, tile_of
 
 _ALL = 0xFFFFFFFF
 _WARP = i32(32)
 BLOCK = 128
 _SUMS = BLOCK * 3
-
-
-@struct
-class Tile:
-    """Column and row on the film of the first pixel of a warp's tile."""
-
-    column: i32
-    row: i32
 
 
 @struct
@@ -48,18 +40,12 @@ class Lane:
 
 
 @kernel
-def is_on_film(view, tile, which):
-    """Whether a pixel of the tile is on the film; tiles reach over its edges."""
-    return (tile.column + (which & 7) < view.film_width) & (tile.row + (which >> 3) < view.film_height)
-
-
-@kernel
-def deal(view, work, tile, turn):
+def deal(view, tile, turn):
     """The lane that takes a sample of the tile: turn 0 the first one of the first pixel, 1 that of the second one."""
     which = i32(turn & u32(31))
     pixel = u32((view.top + tile.row + (which >> 3)) * view.width + view.left + tile.column + (which & 7))
     there = is_on_film(view, tile, which)
-    return Lane(pixel, which if there else i32(-1), u32(work.first + (turn >> u32(5))), black())
+    return Lane(pixel, which if there else i32(-1), u32(tile.first + (turn >> u32(5))), black())
 
 
 @kernel
@@ -103,11 +89,11 @@ def shade_lane(scene, view, work, tile, sums, turn, walk, path, lane):
     """
     if not path.alive:
         bank(work, sums, lane)
-        lane = deal(view, work, tile, turn)
+        lane = deal(view, tile, turn)
     sequence = direction_sequence(path.depth) if path.alive else CAMERA_SEQUENCE
     numbers = four_numbers(scene, lane.pixel, lane.sample, view.seed, sequence)
     if not path.alive:
-        if lane.sample >= work.last:
+        if lane.sample >= tile.last:
             return idle(walk), path, lane, False, black()
         if lane.which < 0:
             return walk, path, lane, False, black()
@@ -142,8 +128,8 @@ def develop(view, film, tile, sums):
     """Add the sums of the lane's pixel to the film."""
     cuda.syncwarp()
     which = i32(cuda.laneid)
-    if is_on_film(view, tile, which):
-        place = (tile.row + (which >> 3)) * view.film_width + tile.column + (which & 7)
+    if (tile.first < tile.last) & is_on_film(view, tile, which):
+        place = place_in_tile(view, tile, which)
         i = cuda.threadIdx.x * 3
         add_samples(film, place, Vec3(sums[i], sums[i + 1], sums[i + 2]))
 
@@ -154,8 +140,7 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
     def vote(scene, view, film, work):
         sums = cuda.shared.array(_SUMS, float32)
         clear_sums(sums)
-        column, row = place_of(u32(u32(cuda.grid(1)) & u32(-32)), view.film_width)
-        tile = Tile(column, row)
+        tile = tile_of(view, work, u32(u32(cuda.grid(1)) >> u32(5)))
         lane = Lane(u32(0), i32(-1), u32(0), black())
         path = no_path()
         walk = halt(start_walk(no_ray()))
@@ -201,8 +186,7 @@ def make_refill(stack_size: int, threshold: int) -> Any:
     def refill(scene, view, film, work):
         sums = cuda.shared.array(_SUMS, float32)
         clear_sums(sums)
-        column, row = place_of(u32(u32(cuda.grid(1)) & u32(-32)), view.film_width)
-        tile = Tile(column, row)
+        tile = tile_of(view, work, u32(u32(cuda.grid(1)) >> u32(5)))
         lane = Lane(u32(0), i32(-1), u32(0), black())
         path = no_path()
         walk = halt(start_walk(no_ray()))

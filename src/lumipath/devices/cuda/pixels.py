@@ -12,7 +12,7 @@ from ...kernels.vectors import black
 from ...lang import i32, kernel, stack_ints, u32
 from ...lang.cuda import cuda_entry
 from .film import add_samples
-from .work import finite_or_counted, place_of
+from .work import finite_or_counted, is_on_film, place_in_tile, tile_of
 
 
 def make_pixels(stack_size: int) -> Any:
@@ -23,14 +23,15 @@ def make_pixels(stack_size: int) -> Any:
         return walk_to_end(scene, ray, any_hit, stack_ints(stack_size))
 
     def pixels(scene, view, film, work):
-        column, row = place_of(u32(cuda.grid(1)), view.film_width)
-        if (column < view.film_width) & (row < view.film_height):
-            x = i32(view.left + column)
-            y = i32(view.top + row)
+        tile = tile_of(view, work, u32(u32(cuda.grid(1)) >> u32(5)))
+        which = i32(cuda.laneid)
+        if (tile.first < tile.last) & is_on_film(view, tile, which):
+            x = i32(view.left + tile.column + (which & 7))
+            y = i32(view.top + tile.row + (which >> 3))
             light = black()
-            for sample in range(work.first, work.last):
+            for sample in range(tile.first, tile.last):
                 seen = estimate(scene, view, trace, x, y, u32(y * view.width + x), u32(sample))
                 light = light + finite_or_counted(work.counters, seen)
-            add_samples(film, i32(row * view.film_width + column), light)
+            add_samples(film, place_in_tile(view, tile, which), light)
 
     return cuda_entry(pixels)

@@ -15,17 +15,22 @@ from .driver import DeviceArray, Gpu, Kernel, Stream, flatten_arguments, pointer
 from .megakernel import BLOCK, make_refill, make_vote
 from .pixels import make_pixels
 from .wavefront import BLOCKS_PER_MULTIPROCESSOR, ROWS, TRACING, WAVE_TYPE, Wave, make_wavefront
-from .work import COUNTERS, PATHS, REJECTED, WORK_TYPE, Work, item_count
+from .work import COUNTERS, PATHS, REJECTED, WARP, WORK_TYPE, Work, item_count
 
 _RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS
 # Paths in flight in the wavefront: enough to fill any GPU, and 128 bytes each.
 _SLOTS = 1 << 22
+# Lanes that a multiprocessor holds, and the most planes of sums that a small film gets to have as many.
+_LANES, _MOST_PLANES = 1024, 64
 # Rounds between looks at how many paths are left.
 _ROUNDS = 16
 
 
 class Scheduler(Protocol):
     """Renders some samples of every pixel."""
+
+    def planes(self, view: Any) -> int:
+        """How many planes of sums it uses for a film of this size."""
 
     def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> int:
         """Add the samples first .. last - 1 of every pixel to the film.
@@ -41,17 +46,24 @@ class Megakernel:
         compile_it = compile_pixels if scene.features.mask & PIXEL_INTEGRATORS else compile_megakernel
         made = compile_it(scene_arguments(scene), gpu.capability, stack)
         self.kernel = Kernel(made.cubin, made.name)
+        self._multiprocessors = gpu.multiprocessors
         self._stream = Stream()
         self._counters = Counters(self._stream)
+
+    def planes(self, view: Any) -> int:
+        """As many as it takes to fill the GPU."""
+        items = item_count(int(view.film_width), int(view.film_height))
+        return min(_MOST_PLANES, -(-self._multiprocessors * _LANES // items))
 
     def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> int:
         """Add samples to the film; see `Scheduler.run`."""
         items = item_count(int(view.film_width), int(view.film_height))
+        planes = min(film.total.shape[0] // int(view.film_height), last - first)
+        share = -(-(last - first) // planes)
         self._counters.write({})
-        work = Work(self._counters.array, u32(first), u32(last))
-        self.kernel.launch(
-            -(-items // BLOCK), BLOCK, pointers_to(flatten_arguments((scene, view, film, work))), self._stream
-        )
+        work = Work(self._counters.array, u32(items // WARP), u32(share), u32(first), u32(last))
+        arguments = pointers_to(flatten_arguments((scene, view, film, work)))
+        self.kernel.launch(-(-items * planes // BLOCK), BLOCK, arguments, self._stream)
         return int(self._counters.read()[REJECTED])
 
 
@@ -68,6 +80,10 @@ class Wavefront:
         self._queue: DeviceArray | None = None
         self._stream = Stream()
         self._counters = Counters(self._stream)
+
+    def planes(self, view: Any) -> int:
+        """One: each pixel has a slot."""
+        return 1
 
     def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> int:
         """Add samples to the film; see `Scheduler.run`."""

@@ -8,7 +8,7 @@ from numba import cuda, types
 from numpy.typing import NDArray
 
 from ...kernels.vectors import black
-from ...lang import INF, i32, kernel, u32
+from ...lang import INF, i32, kernel, struct, u32
 
 # Slots of `Work.counters`.
 REJECTED = i32(0)
@@ -20,21 +20,36 @@ PATHS = i32(4)
 
 COUNTERS = 8
 
+WARP = 32
+
 
 class Work(NamedTuple):
-    """One launch of the megakernel: the samples first .. last - 1 of every pixel."""
+    """One launch of the megakernel: the samples first .. last - 1 of every pixel, some of them in each plane."""
 
     counters: NDArray[Any]  # (COUNTERS,) uint32
+    tiles: u32  # of 8 x 4 pixels
+    share: u32  # samples of a plane, but for the last one
     first: u32
     last: u32
 
 
-WORK_TYPE = types.NamedTuple((types.Array(types.uint32, 1, "C"), *([types.uint32] * 2)), Work)
+WORK_TYPE = types.NamedTuple((types.Array(types.uint32, 1, "C"), *([types.uint32] * 4)), Work)
 
 
 def item_count(width: int, height: int) -> int:
     """Work items of a film: the pixels of the tiles of 8 x 4 that cover it."""
-    return -(-width // 8) * 8 * (-(-height // 4) * 4)
+    return -(-width // 8) * -(-height // 4) * WARP
+
+
+@struct
+class Tile:
+    """What a warp renders: some samples of each pixel of a tile."""
+
+    column: i32  # on the film, of the first pixel
+    row: i32
+    first: u32  # sample
+    last: u32  # sample behind the last
+    plane: i32  # number of the first pixel of the plane of sums
 
 
 @kernel
@@ -46,6 +61,29 @@ def place_of(item, width):
     column = i32(tile % across) * 8 + (within & 7)
     row = i32(tile // across) * 4 + (within >> 3)
     return i32(column), i32(row)
+
+
+@kernel
+def tile_of(view, work, warp):
+    """A warp's tile. Small films are rendered in several planes, each with its share of the samples."""
+    plane = u32(warp // work.tiles)
+    column, row = place_of(u32(u32(warp - plane * work.tiles) << u32(5)), view.film_width)
+    first = u32(work.first + plane * work.share)
+    last = min(u32(first + work.share), work.last)
+    # Blocks are made full by warps that have no plane, and so no samples.
+    return Tile(column, row, min(first, last), last, i32(plane) * view.film_width * view.film_height)
+
+
+@kernel
+def is_on_film(view, tile, which):
+    """Whether a pixel of the tile is on the film; tiles reach over its edges."""
+    return (tile.column + (which & 7) < view.film_width) & (tile.row + (which >> 3) < view.film_height)
+
+
+@kernel
+def place_in_tile(view, tile, which):
+    """Number of a pixel of the tile in the planes of sums."""
+    return i32(tile.plane + (tile.row + (which >> 3)) * view.film_width + tile.column + (which & 7))
 
 
 @kernel
