@@ -13,7 +13,7 @@ from judging import assert_same
 from parts import floor, hidden, moved, quad, scaled, turned
 from renders import renders
 
-from lumipath.rendering.session import Session
+from lumipath.rendering.session import Session, render
 from lumipath.scene import Camera, Material, Scene, Sphere, Square
 
 AHEAD = Camera(position=(0, 0, 4), fov=40)
@@ -127,6 +127,17 @@ def test_inside_a_corner_of_three_faces_a_quarter_of_the_sky_is_seen(device):
 def test_occluders_out_of_reach_do_not_count(device):
     assert occlusion(device, floor(9), high_wall(0.5, 1.0), ao_distance=0.499).min() == 1.0
     assert occlusion(device, floor(9), high_wall(0.5, 1.0), ao_distance=0.7).mean() < 0.99
+
+
+def test_later_samples_are_other_samples(device):
+    scene = Scene(shapes=[floor(9), high_wall(0.5, 1.0)], cameras=[Camera.look_at((0, 0.5, 0.1), (0, 0, 0), fov=0.01)])
+    settings = {"device": device, "integrator": "ao", "width": 1, "ao_distance": 1e6}
+    early, late = (
+        np.asarray(render(scene, spp=8, first_sample=first, **settings), np.float64).mean() for first in (0, 8)
+    )
+    both = np.asarray(render(scene, spp=16, **settings), np.float64).mean()
+    assert early != late
+    assert (early + late) / 2 == pytest.approx(both, rel=1e-6)
 
 
 def test_a_tenth_of_the_extent_is_the_reach_where_none_is_given(device):

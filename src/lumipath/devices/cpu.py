@@ -95,8 +95,9 @@ class CpuDevice:
         work: list[Future[None]] = []
         reported = 0
         try:
-            for batch in self._batches:
-                work.append(self._pool.submit(renderer, scene, view, film, batch, control, last))
+            with deferred_interrupts():
+                for batch in self._batches:
+                    work.append(self._pool.submit(renderer, scene, view, film, batch, control, last))
             while wait(work, _LOOK_SECONDS, FIRST_EXCEPTION).not_done:
                 yield int(control[REJECTED]) - reported
                 reported = int(control[REJECTED])

@@ -15,7 +15,7 @@ def render_pixel(scene, view, film, column, row, place, last):
     first = i32(load(film.counts, place))
     rejected = 0
     for sample in range(first, last):
-        c = estimate(scene, view, trace_ray, column, row, pixel, u32(sample))
+        c = estimate(scene, view, trace_ray, column, row, pixel, u32(view.first_sample + u32(sample)))
         if abs(c.x + c.y + c.z) < INF:
             add_to_film(film, place * 3, c.x)
             add_to_film(film, place * 3 + 1, c.y)

@@ -26,12 +26,17 @@ def deferred_interrupts() -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in _SIGNALS}
     # A handler that is no Python function is None here, and could not be put back.
     ours = [number for number, handler in before.items() if handler not in (None, signal.SIG_IGN)]
-    for number in ours:
-        signal.signal(number, remember)
     try:
+        for number in ours:
+            signal.signal(number, remember)
         yield
     finally:
         for number in ours:
-            signal.signal(number, before[number])
+            try:
+                signal.signal(number, before[number])
+            except KeyboardInterrupt:
+                # One that came as soon as the first handler was back: the others are still to be put back.
+                came.append(number)
+                signal.signal(number, before[number])
         for number in came:
             signal.raise_signal(number)

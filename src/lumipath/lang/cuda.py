@@ -9,7 +9,7 @@ import hashlib
 import os
 import pickle
 import re
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FunctionType
 from typing import Any, NamedTuple
 
@@ -70,7 +70,13 @@ def link_cubin(ptx: str, capability: tuple[int, int], max_registers: int) -> tup
     if max_registers:
         options.append(f"-maxrregcount={max_registers}")
     code = ptx.encode()
-    handle = nvjitlink.create(len(options), options)
+    try:
+        handle = nvjitlink.create(len(options), options)
+    except nvjitlink.nvJitLinkError as error:
+        raise KernelError(
+            f"this version of CUDA knows no GPU of compute capability {capability[0]}.{capability[1]} ({error}); "
+            "install a newer one: pip install -U 'lumipath[cuda]'"
+        ) from None
     try:
         nvjitlink.add_data(handle, nvjitlink.InputType.PTX, code, len(code), "kernel")
         nvjitlink.complete(handle)
@@ -116,6 +122,8 @@ def compile_cubin(
     """
     from importlib.metadata import version
 
+    from cuda.bindings import nvjitlink
+
     names = (
         function.__qualname__,
         _captured(function),
@@ -123,6 +131,7 @@ def compile_cubin(
         capability,
         max_registers,
         version("numba-cuda"),
+        nvjitlink.version(),
     )
     key = hashlib.sha256(repr(names).encode()).hexdigest()[:32]
     path = cache_folder() / f"{function.__name__}-{key}.cubin"
@@ -136,8 +145,10 @@ def compile_cubin(
     cubin, report = link_cubin(ptx, capability, max_registers)
     made = Compiled(cubin, found.group(1), report)
     temporary = path.with_suffix(f".{os.getpid()}")
-    temporary.write_bytes(pickle.dumps(tuple(made)))
-    temporary.replace(path)
+    # What cannot be kept is compiled anew next time.
+    with suppress(OSError):
+        temporary.write_bytes(pickle.dumps(tuple(made)))
+        temporary.replace(path)
     return made
 
 

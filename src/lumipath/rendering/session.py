@@ -204,8 +204,10 @@ class Session:
     def _settle(self) -> None:
         """End the pass that is under way, so that sums and counts agree and are the host's; the next one goes on."""
         if self._work is not None:
+            start = time.perf_counter()
             self.device.cancel()
             self.film.rejected += sum(self._work)
+            self.render_seconds += time.perf_counter() - start
         self.device.download(self.film.arrays)
 
     def _keep(self) -> None:
@@ -215,7 +217,7 @@ class Session:
         try:
             self._file.write(self.checkpoint())
         except LumipathError as error:
-            warnings.warn(f"no checkpoint: {error}; the render goes on", LumipathWarning, stacklevel=2)
+            warnings.warn(f"no checkpoint: {error}; what was rendered is not lost", LumipathWarning, stacklevel=2)
 
     def checkpoint(self) -> Checkpoint:
         """The film as it is, with all that is needed to go on from it; it shares the film's arrays."""
@@ -243,25 +245,28 @@ class Session:
         self._take(found)
 
     def _take(self, found: Checkpoint) -> None:
+        if self.device.even_counts:
+            level(found.film, self._render_apart)
         self.device.clear()
         for array, kept in zip(self.film.arrays, found.film.arrays):
             array[...] = kept
         self.film.rejected = found.film.rejected
         self.render_seconds = found.seconds
-        if self.device.even_counts:
-            level(self.film, self._render_apart)
         self.resumed = self.film.samples
 
     def _render_apart(self, film: Film, last: int) -> None:
         """Bring another film up to `last` samples."""
         self.device.clear()
-        for rejected in self.device.render(self._packed, self._view, film.arrays, last):
-            film.rejected += rejected
-        self.device.download(film.arrays)
-        self.device.clear()
+        try:
+            for rejected in self.device.render(self._packed, self._view, film.arrays, last):
+                film.rejected += rejected
+            self.device.download(film.arrays)
+        finally:
+            self.device.clear()
 
     def restart(self, seed: int) -> None:
         """Begin anew with another seed; scene, tree and kernels stay as they are."""
+        self._settle()
         self.settings = attrs.evolve(self.settings, seed=seed)
         self._view = self._view._replace(seed=u32(seed))
         self.film.clear()

@@ -20,13 +20,18 @@ from ...pack.layout import PIXEL_INTEGRATORS, WIDE_TREE, FilmArrays, PackedScene
 from ...pack.scene import Packed
 from ..device import DeviceInfo
 from ..interrupts import deferred_interrupts
-from .driver import DeviceArray, Gpu, device_count
+from .driver import DeviceArray, Gpu, OutOfMemoryError, device_count
 from .schedulers import Megakernel, Scheduler, Wavefront
 
 # Below this many primitives a binary tree that is walked to its end is faster than voting over a wide one (measured).
 SMALL_SCENE = 2000
 _SLICE_SECONDS = 0.05
 _WORKERS_PER_GPU = 2
+# How often progress is told.
+_TELL_SECONDS = 0.1
+# Of a slice: the turns of a tile's lanes are numbered by 32 bits.
+_MOST_SAMPLES = 1 << 26
+_DOWNLOAD_PIXELS = 1 << 20
 _STACK, _DEEP_STACK = 64, 256
 
 
@@ -52,15 +57,22 @@ class Worker:
         self._scheduler = scheduler(self.gpu, scene, stack)
 
     def begin(self, view: View, film: FilmArrays, *, empty: bool) -> None:
-        """Take a view; and, if there are no sums yet, those of `film`, or none where `empty`."""
+        """Take a view; and, if there are no sums yet, those of `film`, or none where `empty`.
+
+        Raises:
+            OutOfMemoryError: there is no room for the sums.
+        """
+        assert self._scheduler is not None, "take comes first"
         self.gpu.open()
         self._view = to_device(view)
         if self._film is None:
-            assert self._scheduler is not None, "take comes first"
             planes = self._scheduler.planes(view)
-            self._film = FilmArrays(*(planes_of(array, planes) for array in film))
-            for array, sums in zip(film, () if empty else self._film):
-                sums.upload(array)
+            total, lost = planes_of(film.total, planes), planes_of(film.lost, planes)
+            if not empty:
+                total.upload(film.total)
+                lost.upload(film.lost)
+            # Counts are kept by the host.
+            self._film = FilmArrays(total, lost, DeviceArray((1, 1), film.counts.dtype))
         self.gpu.synchronize()
 
     def run(self, first: int, last: int, pixels: int) -> int:
@@ -77,14 +89,15 @@ class Worker:
         """Whether there is anything to add to the sums of others."""
         return self._film is not None
 
-    def add_to(self, total: NDArray[np.float64]) -> None:
-        """Add these sums to those of others."""
+    def add_to(self, sums: NDArray[np.float64], top: int, height: int) -> None:
+        """Add sums of this worker to those of others: the rows from `top` on, of a film of `height` rows."""
         if self._film is not None:
             self.gpu.open()
+            host = np.empty(sums.shape, np.float32)
             for array in (self._film.total, self._film.lost):
-                host = np.empty(array.shape, array.dtype)
-                array.download(host)
-                total += host.reshape(-1, *total.shape).sum(axis=0, dtype=np.float64)
+                for plane in range(array.shape[0] // height):
+                    array.download(host, plane * height + top)
+                    sums += host
 
     def clear(self) -> None:
         """Forget the sums."""
@@ -123,6 +136,8 @@ class CudaDevice:
         self._stack = _STACK
         self._scenes: dict[int, PackedScene] = {}
         self._cancelled = False
+        self._uncounted = 0
+        self._error: BaseException | None = None
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPUs."""
@@ -152,27 +167,43 @@ class CudaDevice:
     def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
         """Bring every pixel up to `last` samples; see `Device.render`.
 
-        A contribution that is not finite is left out and counted; the rest of its sample stays.
+        A sample that is not finite counts as black. The wavefront leaves out only the contribution that is not finite.
         """
         first = int(film.counts[0, 0])
-        offset = int(view.first_sample)
-        pixels = int(view.film_width) * int(view.film_height)
-        for worker in self._workers:
-            worker.begin(view, film, empty=first == 0 or worker is not self._workers[0])
+        self._begin(view, film, empty=first == 0)
         self._cancelled = False
+        self._uncounted = 0
+        rejected, told = 0, time.perf_counter()
         try:
             while self._running or (first < last and not self._cancelled):
                 with deferred_interrupts():
-                    first = self._start_slices(first, last if not self._cancelled else first, offset, pixels)
-                finished = wait(self._running, return_when=FIRST_COMPLETED).done
-                yield self._count(film, finished)
+                    first = self._start_slices(first, last if not self._cancelled else first, view)
+                rejected += self._finish(wait(self._running, return_when=FIRST_COMPLETED).done)
+                if time.perf_counter() - told >= _TELL_SECONDS or not self._running:
+                    self._count(film)
+                    yield rejected
+                    rejected, told = 0, time.perf_counter()
         finally:
             # After an interrupt as well: what the GPUs are still at work on is counted.
             with deferred_interrupts():
-                self._count(film, wait(self._running).done)
+                self._finish(wait(self._running).done)
+                self._count(film)
 
-    def _start_slices(self, first: int, last: int, offset: int, pixels: int) -> int:
+    def _begin(self, view: View, film: FilmArrays, *, empty: bool) -> None:
+        """Prepare the workers for a pass; where a GPU has no room for the sums of two, it goes on with one."""
+        for worker in list(self._workers):
+            others = [other for other in self._workers if other.gpu is worker.gpu and other is not worker]
+            try:
+                worker.begin(view, film, empty=empty or worker is not self._workers[0])
+            except OutOfMemoryError:
+                if not any(other.has_sums for other in others):
+                    raise
+                self._workers.remove(worker)
+
+    def _start_slices(self, first: int, last: int, view: View) -> int:
         """Give a slice of the samples first .. last - 1 to each worker that is free; returns the first that is left."""
+        pixels = int(view.film_width) * int(view.film_height)
+        offset = int(view.first_sample)
         busy = {worker for worker, _ in self._running.values()}
         for worker in self._workers:
             if worker not in busy and first < last:
@@ -182,33 +213,59 @@ class CudaDevice:
                 first += samples
         return first
 
-    def _count(self, film: FilmArrays, slices: Iterable[Future[int]]) -> int:
-        """Count the samples of slices that are done; returns how many contributions were not finite."""
+    def _finish(self, slices: Iterable[Future[int]]) -> int:
+        """Take note of slices that are done; returns how many contributions were not finite.
+
+        Raises:
+            DeviceError: one of them failed; the sums are worth nothing then, and `download` says so.
+        """
         rejected = 0
         # Samples are in the sums already: an interrupt must not come between.
         with deferred_interrupts():
             for item in slices:
                 _, samples = self._running.pop(item)
-                rejected += item.result()
-                film.counts[...] += np.uint32(samples)
+                error = item.exception()
+                self._error = self._error or error
+                rejected += 0 if error else item.result()
+                self._uncounted += samples
+        if self._error is not None:
+            raise self._error
         return rejected
+
+    def _count(self, film: FilmArrays) -> None:
+        """Count the samples of slices that are done."""
+        with deferred_interrupts():
+            film.counts[...] += np.uint32(self._uncounted)
+            self._uncounted = 0
 
     def cancel(self) -> None:
         """End the pass after the slices that are under way; see `Device.cancel`."""
         self._cancelled = True
 
     def download(self, film: FilmArrays) -> None:
-        """Bring the sums of all workers to the host."""
+        """Bring the sums of all workers to the host.
+
+        Raises:
+            DeviceError: a GPU failed since the last `clear`.
+        """
+        if self._error is not None:
+            raise self._error
         if not any(worker.has_sums for worker in self._workers):
             return
-        total = np.zeros(film.total.shape, np.float64)
-        for worker in self._workers:
-            worker.add_to(total)
-        film.total[...] = total
-        film.lost[...] = total - film.total
+        height, width, _ = film.total.shape
+        # Some rows at a time: float64 copies of everything would take more memory than the film.
+        step = max(1, _DOWNLOAD_PIXELS // width)
+        for top in range(0, height, step):
+            rows = slice(top, min(top + step, height))
+            sums = np.zeros(film.total[rows].shape, np.float64)
+            for worker in self._workers:
+                worker.add_to(sums, top, height)
+            film.total[rows] = sums
+            film.lost[rows] = sums - film.total[rows]
 
     def clear(self) -> None:
         """Forget the sums on the GPUs."""
+        self._error = None
         for worker in self._workers:
             worker.clear()
 
@@ -228,7 +285,7 @@ def slice_samples(rate: float, left: int, workers: int) -> int:
 
     Slices become shorter towards the end, so that all workers finish at about the same time.
     """
-    return max(1, min(int(_SLICE_SECONDS * rate), -(-left // (2 * workers))))
+    return max(1, min(int(_SLICE_SECONDS * rate), -(-left // (2 * workers)), _MOST_SAMPLES))
 
 
 def joint_name(names: list[str]) -> str:

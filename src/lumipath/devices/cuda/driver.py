@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 import math
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
@@ -15,6 +17,10 @@ from ...errors import DeviceError
 
 INSTALL_HINT = "install it with: pip install 'lumipath[cuda]' (drivers before 580: 'lumipath[cuda12]')"
 MINIMUM_CAPABILITY = (7, 5)
+
+
+class OutOfMemoryError(DeviceError):
+    """A GPU has no memory left."""
 
 
 class NoGpuError(DeviceError):
@@ -72,7 +78,7 @@ def check(result: Any, doing: str) -> Any:
     error, *values = result
     if error != driver.CUresult.CUDA_SUCCESS:
         if error == driver.CUresult.CUDA_ERROR_OUT_OF_MEMORY:
-            raise DeviceError(
+            raise OutOfMemoryError(
                 f"the GPU is out of memory while {doing}; render a smaller image or scene, or use --device cpu"
             )
         raise DeviceError(f"CUDA failed while {doing}: {str(error).rsplit('.', 1)[-1]}")
@@ -149,6 +155,17 @@ class Gpu:
         return int(check(self._driver.cuDriverGetVersion(), "asking the driver"))
 
 
+@contextmanager
+def current(context: Any) -> Iterator[None]:
+    """Make the GPU of a context the current one within the block; another one may be by now."""
+    driver = _bindings()
+    driver.cuCtxPushCurrent(context)
+    try:
+        yield
+    finally:
+        driver.cuCtxPopCurrent()
+
+
 class Stream:
     """Launches and copies that follow each other, beside those of other streams."""
 
@@ -157,10 +174,13 @@ class Stream:
         flags = self._driver.CUstream_flags.CU_STREAM_NON_BLOCKING
         self.handle = check(self._driver.cuStreamCreate(flags), "opening a stream")
 
-    def upload(self, target: DeviceArray, array: NDArray[Any]) -> None:
-        """Copy from the host, after what was launched before; the array may change at once."""
-        copy = self._driver.cuMemcpyHtoDAsync
-        check(copy(target.pointer, array.ctypes.data, target.nbytes, self.handle), "uploading")
+    def __del__(self) -> None:
+        if hasattr(self, "handle"):
+            self._driver.cuStreamDestroy(self.handle)
+
+    def clear(self, target: DeviceArray) -> None:
+        """Make an array zeros, after what was launched before."""
+        check(self._driver.cuMemsetD8Async(target.pointer, 0, target.nbytes, self.handle), "clearing memory")
 
     def download(self, source: DeviceArray, array: NDArray[Any]) -> None:
         """Wait for what was launched before, and copy to the host."""
@@ -204,18 +224,17 @@ class DeviceArray:
             host = np.ascontiguousarray(array)
             check(self._driver.cuMemcpyHtoD(self.pointer, host.ctypes.data, array.nbytes), "uploading")
 
-    def download(self, array: NDArray[Any]) -> None:
-        """Copy to a contiguous host array of the same size."""
-        if self.nbytes:
-            check(self._driver.cuMemcpyDtoH(array.ctypes.data, self.pointer, self.nbytes), "downloading")
+    def download(self, array: NDArray[Any], first: int = 0) -> None:
+        """Fill a contiguous host array from the rows from `first` on."""
+        if array.nbytes:
+            source = self.pointer + first * (self.nbytes // self.shape[0])
+            check(self._driver.cuMemcpyDtoH(array.ctypes.data, source, array.nbytes), "downloading")
 
     def __del__(self) -> None:
         pointer, self.pointer = getattr(self, "pointer", 0), 0
         if pointer:
-            # Another GPU may be the current one by now.
-            self._driver.cuCtxPushCurrent(self._context)
-            self._driver.cuMemFree(pointer)
-            self._driver.cuCtxPopCurrent()
+            with current(self._context):
+                self._driver.cuMemFree(pointer)
 
 
 class Kernel:
@@ -223,8 +242,14 @@ class Kernel:
 
     def __init__(self, cubin: bytes, name: str) -> None:
         self._driver = _bindings()
+        self._context = check(self._driver.cuCtxGetCurrent(), "loading a kernel")
         self._module = check(self._driver.cuModuleLoadData(cubin), "loading a kernel")
         self._function = check(self._driver.cuModuleGetFunction(self._module, name.encode()), "loading a kernel")
+
+    def __del__(self) -> None:
+        if hasattr(self, "_module"):
+            with current(self._context):
+                self._driver.cuModuleUnload(self._module)
 
     def launch(self, blocks: int, threads: int, arguments: Any, stream: Stream) -> None:
         """Start the kernel; `arguments` from `pointers_to`."""

@@ -60,7 +60,7 @@ class Megakernel:
         items = item_count(int(view.film_width), int(view.film_height))
         planes = min(film.total.shape[0] // int(view.film_height), last - first)
         share = -(-(last - first) // planes)
-        self._counters.write({})
+        self._counters.clear()
         work = Work(self._counters.array, u32(items // WARP), u32(share), u32(first), u32(last))
         arguments = pointers_to(flatten_arguments((scene, view, film, work)))
         self.kernel.launch(-(-items * planes // BLOCK), BLOCK, arguments, self._stream)
@@ -115,7 +115,7 @@ class Wavefront:
             blocks = min(blocks, most) if name in TRACING else blocks
             self.kernels[name].launch(blocks, BLOCK, packed[parity], self._stream)
 
-        self._counters.write({})
+        self._counters.clear()
         launch("start", int(wave.slots))
         parity = 0
         waiting = int(wave.slots)
@@ -135,14 +135,11 @@ class Counters:
 
     def __init__(self, stream: Stream) -> None:
         self._stream = stream
-        self.array = DeviceArray.zeros((COUNTERS,), np.uint32)
+        self.array = DeviceArray((COUNTERS,), np.uint32)
 
-    def write(self, values: dict[Any, int]) -> None:
-        """Set these, and all others to 0."""
-        host = np.zeros(COUNTERS, np.uint32)
-        for which, value in values.items():
-            host[which] = value
-        self._stream.upload(self.array, host)
+    def clear(self) -> None:
+        """Set all to 0, after what was launched before."""
+        self._stream.clear(self.array)
 
     def read(self) -> NDArray[np.uint32]:
         """Wait for what was launched before, and bring all of them."""
