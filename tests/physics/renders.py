@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lumipath.lang import f32
+from lumipath.lang import aligned, f32
 from lumipath.pack import layout
 from lumipath.pack.layout import PackedScene
 from lumipath.rendering.session import Session
@@ -39,31 +39,16 @@ def renders(
     return np.stack(images)
 
 
-def on_host(array):
-    """A copy, wherever the array lies."""
-    copy = np.empty(array.shape, array.dtype)
-    if isinstance(array, np.ndarray):
-        copy[...] = array
-    else:
-        array.download(copy)
-    return copy
-
-
-def as_before(array, changed):
-    """`changed` where `array` lies."""
-    return changed if isinstance(array, np.ndarray) else type(array)(changed)
-
-
 def without_light_sampling(packed: PackedScene) -> PackedScene:
     """The scene with lights that are found only by rays that happen to hit them, each with its full weight."""
-    lights = on_host(packed.lights)
+    lights = packed.lights.copy()
     kinds = lights.view(np.int32)[:, 3]
     assert np.isin(kinds, (layout.TRIANGLE_LIGHT, layout.QUADRIC_LIGHT, layout.ENVIRONMENT_LIGHT)).all()
     # A light that is drawn with the density 0 gives no sample.
     lights[kinds == layout.TRIANGLE_LIGHT, 7] = 0
     lights[kinds == layout.QUADRIC_LIGHT, 19] = 0
     return packed._replace(
-        lights=as_before(packed.lights, lights),
-        emitter_density=as_before(packed.emitter_density, on_host(packed.emitter_density) * f32(0)),
+        lights=aligned(lights),
+        emitter_density=aligned(packed.emitter_density * f32(0)),
         environment_probability=f32(0),
     )

@@ -1,6 +1,7 @@
 """How the samples of a render are shared among GPUs, without one: stand-ins take the place of their schedulers."""
 
 import signal
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -56,11 +57,22 @@ class HostArray(np.ndarray):
         return array.copy().view(HostArray)
 
 
+class Scene(NamedTuple):
+    """Two of the many parts of a packed scene."""
+
+    features: int
+    lights: np.ndarray
+
+
+SCENE = Scene(0, np.zeros(3))
+
+
 class Scheduler:
     """Counts launches; each sample adds 1 to the last plane."""
 
     def __init__(self, during=lambda: None):
         self.launches = []
+        self.scenes = []
         self.during = during
 
     def planes(self, view):
@@ -68,6 +80,7 @@ class Scheduler:
 
     def run(self, scene, view, film, first, last):
         self.launches.append((first, last))
+        self.scenes.append(scene)
         self.during()
         film.total[-int(view.film_height) :] += last - first
         return 0
@@ -80,6 +93,8 @@ def device(monkeypatch):
     monkeypatch.setattr(module, "DeviceArray", HostArray)
     monkeypatch.setattr(module, "to_device", to_host)
     made = CudaDevice(None)
+    made._uploaded = SCENE
+    made._scenes = {number: to_host(SCENE) for number in range(GPUS)}
     schedule(made, Scheduler())
     return made
 
@@ -95,9 +110,9 @@ def schedule(device, scheduler):
         worker._scheduler = scheduler
 
 
-def render(device, film, last, **settings):
+def render(device, film, last, scene=SCENE, **settings):
     view = pack_view(Camera(), RenderSettings(width=film.width, height=film.height, **settings))
-    return device.render(None, view, film.arrays, last)
+    return device.render(scene, view, film.arrays, last)
 
 
 def launches(device):
@@ -125,6 +140,15 @@ def test_a_later_pass_adds_to_the_sums_of_the_film(device):
     list(render(device, film, 12))
     device.download(film.arrays)
     assert (film.total == 12).all()
+
+
+def test_what_changed_in_a_scene_is_brought_to_the_gpus(device):
+    before = device._scenes[0].lights
+    list(render(device, Film(4, 3), 1))
+    list(render(device, Film(4, 3), 1, SCENE._replace(lights=np.ones(3))))
+    first, second = device._workers[0]._scheduler.scenes
+    assert first.lights is before
+    np.testing.assert_array_equal(second.lights, 1)
 
 
 def test_a_film_without_any_pass_stays_as_it_is(device):

@@ -185,29 +185,30 @@ class Session:
             self._keep()
 
     def _render_pass(self, last: int) -> Iterator[Progress]:
-        """Bring every pixel up to `last` samples; only the time spent here counts as rendering."""
+        """Bring every pixel up to `last` samples.
+
+        The device goes on while a step is looked at, so that this time counts as rendering as well.
+        """
         self._work = work = self.device.render(self._packed, self._view, self.film.arrays, last)
-        start = time.perf_counter()
+        start = time.perf_counter() - self.render_seconds
         try:
             for rejected in work:
                 self.film.rejected += rejected
-                self.render_seconds += time.perf_counter() - start
+                self.render_seconds = time.perf_counter() - start
                 self._warn_of_rejected()
                 yield self.progress()
                 if self._file is not None and self._file.is_due:
                     self._keep()
-                start = time.perf_counter()
         finally:
             work.close()
+            self.render_seconds = time.perf_counter() - start
             self._work = None
 
     def _settle(self) -> None:
         """End the pass that is under way, so that sums and counts agree and are the host's; the next one goes on."""
         if self._work is not None:
-            start = time.perf_counter()
             self.device.cancel()
             self.film.rejected += sum(self._work)
-            self.render_seconds += time.perf_counter() - start
         self.device.download(self.film.arrays)
 
     def _keep(self) -> None:

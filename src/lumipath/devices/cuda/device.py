@@ -47,23 +47,23 @@ class Worker:
         self.rate = 0.0
         """Paths per second, as last measured; 0 before the first slice."""
 
-    def take(self, scene: PackedScene, stack: int, kernel: str) -> None:
-        """Take a scene that is on the GPU, and compile the kernels for it or load them from the disk."""
+    def compile(self, scene: PackedScene, stack: int, kernel: str) -> None:
+        """Compile the kernels for a scene that is on the GPU, or load them from the disk."""
         self.gpu.open()
-        self._scene = scene
         has_paths = not scene.features.mask & PIXEL_INTEGRATORS
         # The megakernel was faster on every scene that was measured.
         scheduler = Wavefront if kernel == "wavefront" and has_paths else Megakernel
         self._scheduler = scheduler(self.gpu, scene, stack)
 
-    def begin(self, view: View, film: FilmArrays, *, empty: bool) -> None:
-        """Take a view; and, if there are no sums yet, those of `film`, or none where `empty`.
+    def begin(self, scene: PackedScene, view: View, film: FilmArrays, *, empty: bool) -> None:
+        """Take a scene that is on the GPU, and a view; if there are no sums yet, those of `film`, none where `empty`.
 
         Raises:
             OutOfMemoryError: there is no room for the sums.
         """
-        assert self._scheduler is not None, "take comes first"
+        assert self._scheduler is not None, "compile comes first"
         self.gpu.open()
+        self._scene = scene
         self._view = to_device(view)
         if self._film is None:
             planes = self._scheduler.planes(view)
@@ -77,7 +77,7 @@ class Worker:
 
     def run(self, first: int, last: int, pixels: int) -> int:
         """Add the samples first .. last - 1 of every pixel; returns how many contributions were not finite."""
-        assert self._scheduler is not None, "take comes first"
+        assert self._scheduler is not None, "compile comes first"
         self.gpu.open()
         start = time.perf_counter()
         rejected = self._scheduler.run(self._scene, self._view, self._film, first, last)
@@ -134,6 +134,7 @@ class CudaDevice:
         self._running: dict[Future[int], tuple[Worker, int]] = {}
         self._kernel = kernel
         self._stack = _STACK
+        self._uploaded: PackedScene | None = None
         self._scenes: dict[int, PackedScene] = {}
         self._cancelled = False
         self._uncounted = 0
@@ -153,12 +154,25 @@ class CudaDevice:
         for gpu in self._gpus:
             gpu.open()
             self._scenes[gpu.index] = to_device(scene)
+        self._uploaded = scene
         return scene
+
+    def _update(self, scene: PackedScene) -> None:
+        """Bring what differs from the scene that was uploaded: features of the settings, as a rule."""
+        assert self._uploaded is not None, "upload comes first"
+        old = self._uploaded._asdict()
+        changed = {name: value for name, value in scene._asdict().items() if value is not old[name]}
+        for gpu in self._gpus if changed else ():
+            gpu.open()
+            values = {name: to_device(value) for name, value in changed.items()}
+            self._scenes[gpu.index] = self._scenes[gpu.index]._replace(**values)
+        self._uploaded = scene
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
         """Compile the kernels for this scene's features, or load them from the disk."""
+        self._update(scene)
         for worker in self._workers:
-            worker.take(self._scenes[worker.gpu.index]._replace(features=scene.features), self._stack, self._kernel)
+            worker.compile(self._scenes[worker.gpu.index], self._stack, self._kernel)
 
     def next_stop(self, done: int, pixels: int) -> int:
         """No stop: between slices, too, everything can be asked for."""
@@ -170,6 +184,7 @@ class CudaDevice:
         A sample that is not finite counts as black. The wavefront leaves out only the contribution that is not finite.
         """
         first = int(film.counts[0, 0])
+        self._update(scene)
         self._begin(view, film, empty=first == 0)
         self._cancelled = False
         self._uncounted = 0
@@ -191,10 +206,11 @@ class CudaDevice:
 
     def _begin(self, view: View, film: FilmArrays, *, empty: bool) -> None:
         """Prepare the workers for a pass; where a GPU has no room for the sums of two, it goes on with one."""
+        first = self._workers[0]
         for worker in list(self._workers):
             others = [other for other in self._workers if other.gpu is worker.gpu and other is not worker]
             try:
-                worker.begin(view, film, empty=empty or worker is not self._workers[0])
+                worker.begin(self._scenes[worker.gpu.index], view, film, empty=empty or worker is not first)
             except OutOfMemoryError:
                 if not any(other.has_sums for other in others):
                     raise
