@@ -15,8 +15,18 @@ FOLDER = Path(__file__).parent / "images" / "scenes"
 WIDTH = 192
 SAMPLES = 1024
 # Where light is found by chance.
-MORE_SAMPLES = {"caustics": 8192, "bokeh": 4096, "cornell-box-glass": 4096, "lights": 4096, "many-lobes": 4096}
-EXPOSURE = {"cornell-box": 1.0, "cornell-box-glass": 1.0}
+MORE_SAMPLES = {
+    "caustics": 8192,
+    "bokeh": 4096,
+    "cornell-box-glass": 4096,
+    "cornell-box-specular": 8192,
+    "cornell-box-transmissive": 4096,
+    "knot40k": 4096,
+    "lights": 4096,
+    "many-lobes": 4096,
+}
+BOXES = ("cornell-box", "cornell-box-glass", "cornell-box-specular", "cornell-box-transmissive", "knot40k")
+EXPOSURE = dict.fromkeys(BOXES, 1.0)
 
 
 def main(chosen: list[str], folder: Path = FOLDER, width: int = WIDTH, spp: int | None = None) -> None:
