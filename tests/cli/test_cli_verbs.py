@@ -10,7 +10,7 @@ HEAVY = ("numpy", "numba", "rich", "OpenImageIO", "trimesh", "lark", "matplotlib
 
 
 class TestTop:
-    @pytest.mark.parametrize("arguments", [(), ("--help",)])
+    @pytest.mark.parametrize("arguments", [(), ("--help",), ("-h",)])
     def test_help_lists_the_verbs(self, lumipath, arguments):
         code, out, err = lumipath(*arguments)
         assert (code, err) == (0, "")
@@ -39,6 +39,7 @@ class TestTop:
         "verb", ["render", "info", "scenes", "devices", "bench", "bench throughput", "bench figure1"]
     )
     def test_every_verb_has_help(self, lumipath, verb):
+        assert lumipath(*verb.split(), "-h")[0] == 0
         code, out, _ = lumipath(*verb.split(), "--help")
         assert code == 0
         assert f"Usage: lumipath {verb}" in out

@@ -60,7 +60,7 @@ def plot_figure1(facts: dict[str, Any], path: Path) -> None:
         label = f"{scene} ({line[0]['triangles']:,} triangles)"
         handles.append(Line2D([], [], color=colour, marker=mark, label=label))
     if any(point["cpu_extrapolated"] for point in points):
-        hollow = {"marker": "o", "color": "#555555", "markerfacecolor": "white", "linestyle": "none"}
+        hollow: dict[str, Any] = {"marker": "o", "color": "#555555", "markerfacecolor": "white", "linestyle": "none"}
         handles.append(Line2D([], [], label="CPU time extrapolated", **hollow))
     samples = sorted({point["spp"] for point in points})
     axes.set_xscale("log", base=2)

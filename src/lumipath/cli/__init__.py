@@ -16,7 +16,13 @@ from ._signals import exit_code, sigterm_as_interrupt
 from ._terminal import one_line, show, show_error, show_warning
 
 # Plain help: rich would take longer to import than everything else together.
-_app = typer.Typer(name="lumipath", rich_markup_mode=None, add_completion=False, pretty_exceptions_enable=False)
+_app = typer.Typer(
+    name="lumipath",
+    rich_markup_mode=None,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 _app.command()(render.render)
 _app.command()(info.info)
 _app.command()(scenes.scenes)
