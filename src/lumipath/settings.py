@@ -5,6 +5,7 @@ The Python API, the command line and `-D key=value` all read `RenderSettings`; n
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable
 from typing import Any
 
@@ -19,12 +20,18 @@ HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
 TONEMAPS = ("none", "linear", "agx", "aces", "reinhard")
 KERNELS = ("auto", "megakernel", "wavefront")
+LAYERS = (
+    *("albedo", "normal", "geometric_normal", "depth", "position", "uv", "emission"),
+    *("object_id", "material_id", "samples"),
+)
+"""Layers that can be rendered beside the image; `rendering/layers.py` says what they are."""
+
 PROGRESS_MODES = ("auto", "bar", "json", "none")
 
 MAX_PIXELS = 1 << 28
 MAX_SIDE = 1 << 16
 
-NOT_IN_SAMPLES = ("spp", "exposure", "tonemap", "threads", "kernel", "checkpoint_interval")
+NOT_IN_SAMPLES = ("spp", "aov", "exposure", "tonemap", "threads", "kernel", "checkpoint_interval")
 """Settings that no sample depends on: renders that differ only in these go on from one another and add up."""
 
 
@@ -81,13 +88,31 @@ def _blades(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
         raise _fail(attribute.name, value, "0 for a round aperture, or a whole number from 3 to 32")
 
 
+def _list_to_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _layers(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+    if not isinstance(value, tuple):
+        raise _fail(attribute.name, value, f"a tuple of layers, of {', '.join(LAYERS)}")
+    for name in value:
+        if name not in LAYERS:
+            near = difflib.get_close_matches(str(name), LAYERS, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise UsageError(f"{attribute.name} names {name!r}: the layers are {', '.join(LAYERS)}{hint}")
+        if value.count(name) > 1:
+            raise UsageError(f"{attribute.name} names {name} twice; name each layer once")
+
+
 def _optional(check: Callable[..., None]) -> Any:
     return attrs.validators.optional(check)
 
 
-def _option(default: Any, help_text: str, check: Any, unit: str = "", choices: tuple[str, ...] = ()) -> Any:
+def _option(
+    default: Any, help_text: str, check: Any, unit: str = "", choices: tuple[str, ...] = (), converter: Any = None
+) -> Any:
     metadata = {"help": help_text, "unit": unit, "choices": choices}
-    return field(default=default, validator=check, metadata=metadata)
+    return field(default=default, validator=check, metadata=metadata, converter=converter)
 
 
 @frozen(kw_only=True)
@@ -115,6 +140,12 @@ class RenderSettings:
         "What a pixel shows: path tracing, classic recursive ray tracing, or a quick look at the first surface.",
         _choice(INTEGRATORS),
         choices=INTEGRATORS,
+    )
+    aov: tuple[str, ...] = _option(
+        (),
+        f"Layers to render beside the image: {', '.join(LAYERS)}.",
+        _layers,
+        converter=_list_to_tuple,
     )
     ao_distance: float | None = _option(
         None,

@@ -12,6 +12,7 @@ import numpy as np
 
 from lumipath.errors import DeviceError, LumipathWarning
 from lumipath.rendering.image import Image
+from lumipath.rendering.layers import REGISTRY
 from lumipath.settings import RenderSettings
 
 
@@ -79,7 +80,10 @@ class Session:
 
     def image(self):
         pixels = np.full((self.height, self.width, 3), 0.5, np.float32)
-        return Image(pixels, {"samples": float(self.samples), "seconds": self.samples * 0.25})
+        layers = {
+            name: np.full((self.height, self.width, len(REGISTRY[name].channels)), 0.5) for name in self.settings.aov
+        }
+        return Image(pixels, {"samples": float(self.samples), "seconds": self.samples * 0.25}, layers)
 
 
 def as_module():

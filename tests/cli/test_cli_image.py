@@ -145,10 +145,23 @@ class TestDenoise:
         side = np.full((16, 16), 0.5)
         layers = {f"albedo__{part}": side for part in "RGB"} | {f"normal__{part}": side for part in "XYZ"}
         write_exr(files / "c.exr", R=side, G=side, B=side, **layers)
+        import mitsuba_oidn
+
         given = {}
-        monkeypatch.setattr(denoising, "denoise", lambda image, **guides: given.update(guides) or image)
+        monkeypatch.setattr(mitsuba_oidn, "denoise", lambda pixels, hdr, **guides: given.update(guides) or pixels)
         assert lumipath("image", "denoise", "c.exr", "-o", "d.exr")[0] == 0
         assert given["albedo"].shape == given["normal"].shape == (16, 16, 3)
+        assert Image.load(files / "d.exr").layer_names == ("albedo", "normal")
+        # Files for looking at have no room for them.
+        assert lumipath("image", "denoise", "c.exr", "-o", "d.png")[0] == 0
+        assert lumipath("image", "tonemap", "c.exr", "-o", "e.png")[0] == 0
+
+    def test_layers_are_listed(self, lumipath, files):
+        Image(np.zeros((2, 2, 3)), layers={"depth": np.ones((2, 2)), "uv": np.ones((2, 2, 2))}).save(files / "c.exr")
+        code, out, _ = lumipath("image", "info", "c.exr")
+        assert code == 0
+        assert "depth, uv" in out
+        assert "depth.Z" in out
 
     def test_normals_need_floats(self, lumipath, files):
         code, _, err = lumipath("image", "denoise", "a.exr", "-o", "b.exr", "--normal", "n.png")

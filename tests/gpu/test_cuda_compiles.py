@@ -6,17 +6,20 @@ import pytest
 
 pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
 
+from numba import typeof, types
+
 from lumipath import builtin
 from lumipath.accel.build import build_tree
 from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
-from lumipath.devices.cuda.arguments import FILM_TYPE, VIEW_TYPE, type_of
+from lumipath.devices.cuda.arguments import FILM_TYPE, LAYERS_TYPE, VIEW_TYPE, type_of
+from lumipath.devices.cuda.layers import compile_layers, make_layers
 from lumipath.devices.cuda.schedulers import compile_megakernel, compile_pixels, compile_wavefront
 from lumipath.devices.cuda.wavefront import TRACING
 from lumipath.devices.cuda.work import WORK_TYPE
 from lumipath.lang import Features
 from lumipath.lang.cuda import compile_ptx
-from lumipath.pack.layout import WIDE_TREE
-from lumipath.pack.scene import pack_scene, settings_features
+from lumipath.pack.layout import WIDE_TREE, PackedScene
+from lumipath.pack.scene import layer_features, pack_scene, settings_features
 from lumipath.scene import DirectionalLight, PointLight
 from lumipath.settings import RenderSettings
 
@@ -103,6 +106,32 @@ def test_no_integrator_computes_in_double_precision_or_calls_a_function(integrat
 
     signature = arguments("textures", wide=wide, lights=LIGHTS, integrator=integrator, aperture=0.1)
     ptx = compile_ptx(make_pixels(STACK), (*signature, WORK_TYPE), (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert re.search(r"\.f32\s", body)
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
+
+
+def layers_scene(name, *, wide, **settings):
+    """The type of a built-in scene for the pass that fills layers."""
+    scene_type, _, _ = arguments(name, wide=wide)
+    mask = layer_features(scene_type.types[0].mask, RenderSettings(**settings), builtin(name).camera(None))
+    return types.NamedTuple((typeof(Features(mask)), *scene_type.types[1:]), PackedScene)
+
+
+@pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
+def test_layers_compile_within_bounds_and_spill_nothing(capability):
+    made = compile_layers(layers_scene("primitives", wide=True, aperture=0.1), capability, STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 128
+    assert stack == 4 * STACK
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
+@pytest.mark.parametrize("scene", ["bench-cornell", "many-lobes", "textures"])
+def test_layers_need_no_double_precision_and_no_calls(scene, wide):
+    signature = (layers_scene(scene, wide=wide, sampler="independent"), VIEW_TYPE, LAYERS_TYPE, WORK_TYPE)
+    ptx = compile_ptx(make_layers(STACK), signature, (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)

@@ -1,7 +1,7 @@
 """How the samples of a render are shared among GPUs, without one: stand-ins take the place of their schedulers."""
 
 import signal
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import pytest
@@ -10,13 +10,16 @@ pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
 
 from lumipath.devices import open_device
 from lumipath.devices.cuda import device as module
+from lumipath.devices.cuda import layers as layers_module
 from lumipath.devices.cuda.device import CudaDevice, joint_name, slice_samples
 from lumipath.devices.cuda.driver import OutOfMemoryError
 from lumipath.devices.cuda.work import item_count
 from lumipath.errors import DeviceError, UsageError
-from lumipath.pack.scene import pack_view
+from lumipath.pack.scene import pack_scene, pack_view
 from lumipath.rendering.film import Film
+from lumipath.rendering.layer_film import LayerFilm
 from lumipath.scene import Camera
+from lumipath.scenes import builtin
 from lumipath.settings import RenderSettings
 
 GPUS = 2
@@ -288,3 +291,71 @@ def test_a_wrong_name_is_a_usage_error(name):
 def test_a_gpu_that_is_not_there_is_an_error_that_names_those_that_are():
     with pytest.raises(DeviceError):
         open_device("cuda:999")
+
+
+# ---- layers ---------------------------------------------------------------------------------------------------------
+
+
+class Nothing:
+    """Stands for what a GPU is needed for."""
+
+    capability = (9, 0)
+    cubin, name = b"", ""
+
+    def __init__(self, *_):
+        pass
+
+    def wait(self):
+        pass
+
+
+class CountingPass(layers_module.LayerPass):
+    """Adds 1 for each sample, where the kernel would."""
+
+    launches: ClassVar[list] = []
+
+    def _run(self, view, layers, first, last):
+        self.launches.append((first, last))
+        layers.sums[...] += last - first
+        layers.counts[...] = last
+
+
+@pytest.fixture
+def layer_device(device, monkeypatch):
+    for name in ("compile_layers", "Kernel", "Stream", "type_of"):
+        monkeypatch.setattr(layers_module, name, Nothing)
+    monkeypatch.setattr(layers_module, "DeviceArray", HostArray)
+    monkeypatch.setattr(layers_module, "to_device", to_host)
+    monkeypatch.setattr(module, "LayerPass", CountingPass)
+    monkeypatch.setattr(Gpu, "capability", (9, 0), raising=False)
+    monkeypatch.setattr(CountingPass, "launches", [])
+    scene = pack_scene(builtin("bench-cornell")).scene
+    device._scenes = dict.fromkeys(range(GPUS), scene)
+    device.compile_layers(scene, None, None)
+    return device
+
+
+def layer_arrays():
+    return LayerFilm(["normal", "object_id"], 4, 3, 64).arrays
+
+
+def test_layers_are_filled_in_slices_and_brought_to_the_host(layer_device):
+    arrays = layer_arrays()
+    assert set(layer_device.render_layers(None, None, arrays, 64)) == {0}
+    assert [sample for first, last in CountingPass.launches for sample in range(first, last)] == list(range(64))
+    assert len(CountingPass.launches) < 64
+    assert (arrays.counts == 64).all()
+    assert (arrays.sums == 64).all()
+
+
+@pytest.mark.parametrize("stop", ["close", "cancel"])
+def test_layers_that_are_stopped_go_on_later(layer_device, stop):
+    arrays = layer_arrays()
+    work = layer_device.render_layers(None, None, arrays, 64)
+    next(work)
+    getattr(work if stop == "close" else layer_device, stop)()
+    assert list(work) == []
+    assert (arrays.sums == arrays.counts[..., None]).all()
+    assert 0 < arrays.counts[0, 0] < 64
+    list(layer_device.render_layers(None, None, arrays, 64))
+    assert (arrays.sums == 64).all()

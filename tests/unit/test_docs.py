@@ -76,7 +76,7 @@ def row_of(setting):
     flags = [*([SHORT_FLAGS[setting.name]] if setting.name in SHORT_FLAGS else []), setting.flag]
     value = setting.metavar(default).replace("|", r"\|")
     unit = f" ({setting.unit})" if setting.unit else ""
-    shown = "" if default is None else f"`{default}`"
+    shown = "" if default in (None, ()) else f"`{default}`"
     return f"| `{'`, `'.join(flags)} {value}` | {setting.help.rstrip('.')}{unit}. | {shown} |"
 
 

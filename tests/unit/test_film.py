@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from lumipath.errors import UsageError
-from lumipath.rendering import film as film_module
 from lumipath.rendering import memory
 from lumipath.rendering.film import BYTES_PER_PIXEL, Film, level
 
@@ -70,7 +69,7 @@ class TestLevel:
 
 class TestMemory:
     def test_a_film_that_does_not_fit_is_refused_with_its_bytes(self, monkeypatch):
-        monkeypatch.setattr(film_module, "available_memory", lambda: 10_000_000)
+        monkeypatch.setattr(memory, "available_memory", lambda: 10_000_000)
         with pytest.raises(UsageError) as caught:
             Film(1000, 1000)
         assert str(caught.value).startswith(
@@ -83,7 +82,7 @@ class TestMemory:
         assert sum(array.nbytes for array in film.arrays) + film.mean().nbytes == 100 * BYTES_PER_PIXEL
 
     def test_unknown_memory_refuses_nothing(self, monkeypatch):
-        monkeypatch.setattr(film_module, "available_memory", lambda: None)
+        monkeypatch.setattr(memory, "available_memory", lambda: None)
         assert Film(4, 4).height == 4
 
     def test_this_machine_has_some(self):

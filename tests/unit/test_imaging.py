@@ -16,7 +16,7 @@ from lumipath.imaging import comparison, denoising
 from lumipath.imaging.comparison import compare
 from lumipath.imaging.denoising import denoise
 from lumipath.imaging.falsecolour import colour_map, false_colour
-from lumipath.imaging.files import open_image, read_layer
+from lumipath.imaging.files import open_image
 from lumipath.imaging.statistics import describe
 from lumipath.rendering.image import Image
 from lumipath.rendering.tonemap import encode_srgb
@@ -183,6 +183,19 @@ class TestDenoising:
         alone, guided = denoise(image), denoise(image, albedo=albedo, normal=normal)
         assert compare(guided, truth).mse < compare(alone, truth).mse / 3
 
+    def test_layers_of_the_image_are_the_guides(self, steps, monkeypatch):
+        import mitsuba_oidn
+
+        given = []
+        monkeypatch.setattr(mitsuba_oidn, "denoise", lambda pixels, hdr, **guides: given.append(guides) or pixels)
+        guide, other = np.full(steps.shape, 0.5, np.float32), np.full(steps.shape, 0.25, np.float32)
+        image = attrs.evolve(steps, layers={"albedo": guide, "normal": other})
+        assert denoise(image).layer_names == ("albedo", "normal")
+        denoise(image, albedo=other)
+        denoise(attrs.evolve(steps, layers={"normal": other}))
+        assert [sorted(guides) for guides in given] == [["albedo", "normal"]] * 2 + [[]]
+        np.testing.assert_array_equal([guides["albedo"][0, 0, 0] for guides in given[:2]], [0.5, 0.25])
+
     def test_bad_pixels_do_not_spread(self, steps):
         image = Image(steps.pixels.copy())
         image.pixels[5, 5], image.pixels[50, 50, 0], image.pixels[9, 40] = np.nan, np.inf, -3
@@ -240,11 +253,9 @@ class TestFiles:
         side = np.arange(6.0).reshape(2, 3)
         layers = {"albedo__R": side, "albedo__G": side + 1, "albedo__B": side + 2}
         write_exr(tmp_path / "a.exr", R=side, G=side, B=side, **layers)
-        layer = read_layer(tmp_path / "a.exr", "albedo", "RGB")
-        np.testing.assert_array_equal(layer, np.stack([side, side + 1, side + 2], axis=2))
-        assert read_layer(tmp_path / "a.exr", "normal", "XYZ") is None
-        Image(np.zeros((2, 2, 3))).save(tmp_path / "a.png")
-        assert read_layer(tmp_path / "a.png", "albedo", "RGB") is None
+        image = open_image(tmp_path / "a.exr")
+        assert image.layer_names == ("albedo",)
+        np.testing.assert_array_equal(image["albedo"], np.stack([side, side + 1, side + 2], axis=2))
 
     def test_facts_of_an_exr(self, tmp_path, picture):
         image = attrs.evolve(picture, metadata={"samples": 8, "seed": 4})
@@ -259,11 +270,21 @@ class TestFiles:
         assert green["max"] == np.nanmax(image.pixels[:, :, 1])
 
     def test_facts_of_other_files(self, tmp_path, picture):
-        for suffix, kind in ((".png", "uint8"), (".npy", "float"), (".hdr", "float")):
+        for suffix, kind in ((".png", "uint8"), (".npy", "float"), (".npz", "float"), (".hdr", "float")):
             picture.save(tmp_path / f"a{suffix}")
             facts = describe(tmp_path / f"a{suffix}")
             assert [channel["type"] for channel in facts["channels"]] == [kind] * 3
             assert facts["channels"][0]["max"] <= 2.1
+
+    @pytest.mark.parametrize(("suffix", "kind"), [(".exr", "float"), (".npz", "int")])
+    def test_layers_are_among_the_facts(self, tmp_path, picture, suffix, kind):
+        layers = {"depth": np.full((40, 56), 2.5), "object_id": np.full((40, 56), 3)}
+        attrs.evolve(picture, layers=layers).save(tmp_path / f"a{suffix}")
+        facts = describe(tmp_path / f"a{suffix}")
+        assert facts["layers"] == ["depth", "object_id"]
+        found = {channel["name"]: (channel["type"], channel["mean"]) for channel in facts["channels"]}
+        assert sorted(found) == ["B", "G", "R", "depth.Z", "object_id.I"]
+        assert (found["depth.Z"], found["object_id.I"]) == (("float", 2.5), (kind, 3))
 
     def test_facts_of_a_checkpoint(self, kept):
         path, checkpoint = kept

@@ -20,7 +20,7 @@ SHORT_FLAGS = {"spp": "-s", "max_depth": "-r", "width": "-w"}
 
 _NO_VALUE = ("off", "none", "auto")
 _KIND_NAMES = {int: "a whole number", float: "a number"}
-_METAVARS = {int: "N", float: "X", str: "TEXT"}
+_METAVARS = {int: "N", float: "X", str: "TEXT", list: "NAME,..."}
 _TUPLE_METAVARS = {2: "X,Y", 4: "X0,Y0,X1,Y1"}
 _DEFAULTS = RenderSettings()
 
@@ -31,7 +31,7 @@ class Setting:
 
     name: str
     kind: type
-    """int, float, str, or tuple (of whole numbers)."""
+    """int, float, str, tuple (of whole numbers), or list (of names, as a tuple)."""
     length: int
     """Of the tuple; 0 for anything else."""
     may_be_off: bool
@@ -57,6 +57,8 @@ class Setting:
         if self.means_off(text):
             return None
         try:
+            if self.kind is list:
+                return tuple(part.strip() for part in text.split(",") if part.strip())
             if self.kind is tuple:
                 return tuple(int(part) for part in text.split(","))
             return self.kind(text)
@@ -66,7 +68,7 @@ class Setting:
 
     def help_text(self, default: Any) -> str:
         """The meaning, the unit and the default."""
-        notes = [self.unit, "" if default is None else f"default {default}"]
+        notes = [self.unit, "" if default in (None, ()) else f"default {default}"]
         noted = ", ".join(note for note in notes if note)
         return f"{self.help} [{noted}]" if noted else self.help
 
@@ -90,7 +92,10 @@ def _kind_of(annotation: Any) -> tuple[type, int, bool]:
     members = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
     # A camera is a name or an index: a text can be both.
     kind = str if str in members else next(member for member in members if member is not types.NoneType)
-    return typing.get_origin(kind) or kind, len(typing.get_args(kind)), types.NoneType in members
+    parts = typing.get_args(kind)
+    if Ellipsis in parts:
+        return list, 0, types.NoneType in members
+    return typing.get_origin(kind) or kind, len(parts), types.NoneType in members
 
 
 def _all_settings() -> dict[str, Setting]:

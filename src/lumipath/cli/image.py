@@ -22,7 +22,7 @@ app = typer.Typer(
 _ERRORS = ("mse", "relative_mse", "flip")
 
 ImageArgument = Annotated[Path, typer.Argument(metavar="IMAGE", help="An image file or a checkpoint.")]
-OutputOption = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="PNG, JPEG, EXR, HDR or NPY.")]
+OutputOption = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="PNG, JPEG, EXR, HDR, NPY or NPZ.")]
 
 
 @app.callback()
@@ -45,6 +45,7 @@ def info(image: ImageArgument, as_json: Annotated[bool, typer.Option("--json", h
 def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     rows = [("file", facts["file"]), ("format", facts["format"])]
     rows.append(("size", f"{facts['width']} x {facts['height']} pixels"))
+    rows += [("layers", ", ".join(facts["layers"]))] if facts.get("layers") else []
     for channel in facts["channels"]:
         bad = f", {channel['not_finite']:,} not finite" if channel["not_finite"] else ""
         numbers = f"{channel['min']:.4g} to {channel['max']:.4g}, mean {channel['mean']:.4g}"
@@ -144,7 +145,7 @@ def tonemap(
     check_writable(output)
     picture = open_image(image)
     if not false_colour:
-        picture.save(output, exposure=settings.exposure, tonemap=settings.tonemap)
+        picture.select_layers().save(output, exposure=settings.exposure, tonemap=settings.tonemap)
         return
     low, high = _stops(stops)
     # Exposure moves the scale; the colours themselves must not be mapped again.
@@ -175,20 +176,20 @@ def denoise(
     """Remove the noise of IMAGE with Open Image Denoise."""
     from ..imaging.denoising import denoise as denoised
     from ..imaging.denoising import require_denoiser
-    from ..imaging.files import open_image, read_layer
-    from ..rendering.image import check_writable
+    from ..imaging.files import open_image
+    from ..rendering.image import LAYER_SUFFIXES, check_writable
 
     settings = settings_from(from_flags(flags))
     require_denoiser()
     check_writable(output)
     if normal is not None and _is_8_bit(normal):
         raise ImageError(f"{normal}: an 8-bit file cannot hold normals; use EXR or NPY")
-    noisy = open_image(image)
-    guides = {
-        "albedo": read_layer(image, "albedo", "RGB") if albedo is None else open_image(albedo).pixels,
-        "normal": read_layer(image, "normal", "XYZ") if normal is None else open_image(normal).pixels,
-    }
-    denoised(noisy, **guides).save(output, exposure=settings.exposure, tonemap=settings.tonemap)
+    given = {"albedo": albedo, "normal": normal}
+    guides = {name: None if path is None else open_image(path).pixels for name, path in given.items()}
+    result = denoised(open_image(image), **guides)
+    # A picture of eight bits is for looking at, and has no room for layers.
+    result = result if output.suffix.lower() in LAYER_SUFFIXES else result.select_layers()
+    result.save(output, exposure=settings.exposure, tonemap=settings.tonemap)
 
 
 @app.command()

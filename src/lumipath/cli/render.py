@@ -37,7 +37,10 @@ def render(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="PNG, JPEG, EXR, HDR or NPY by suffix; NAME.png by default."
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="PNG, JPEG, EXR, HDR, NPY or NPZ by suffix; NAME.png by default, NAME.exr with layers.",
         ),
     ] = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Image width and height. [pixels]")] = None,
@@ -79,8 +82,9 @@ def render(
 
     base = read_config(config) if config is not None else RenderSettings()
     settings = settings_from([*from_flags(flags), *from_size(size), *from_definitions(define or [])], base)
-    target = output or Path(scene_stem(scene) + ".png")
+    target = output or Path(scene_stem(scene) + (".exr" if settings.aov else ".png"))
     check_writable(target)
+    _require_room_for_layers(target, settings)
     if denoise:
         from ..imaging.denoising import require_denoiser
 
@@ -89,10 +93,30 @@ def render(
     kept.require_sense()
     with make_reporter(progress, quiet) as reporter:
         loaded = _with_environment(open_scene(scene), cubemap, environment)
-        session = _prepare(loaded, settings, device_from(device, gpu), kept, reporter, verbose)
+        rendered = _with_guides(settings) if denoise else settings
+        session = _prepare(loaded, rendered, device_from(device, gpu), kept, reporter, verbose)
         last, interrupt = _run(session, reporter)
         reporter.close()
-        _finish(session, last, interrupt, target, reporter, denoise)
+        _finish(session, last, interrupt, target, reporter, denoise, settings.aov)
+
+
+def _require_room_for_layers(target: Path, settings: RenderSettings) -> None:
+    """Make sure before a long render that the file can hold its layers.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    from ..rendering.image import LAYER_SUFFIXES
+
+    if settings.aov and target.suffix.lower() not in LAYER_SUFFIXES:
+        raise UsageError(f"{target}: layers fit only into {' and '.join(LAYER_SUFFIXES)} files; use one of these")
+
+
+def _with_guides(settings: RenderSettings) -> RenderSettings:
+    """The settings with the layers that the denoiser looks at."""
+    from ..imaging.denoising import GUIDES
+
+    return attrs.evolve(settings, aov=(*settings.aov, *(name for name in GUIDES if name not in settings.aov)))
 
 
 def _with_environment(scene: Scene, cubemap: Path | None, environment: Path | None) -> Scene:
@@ -180,8 +204,9 @@ def _finish(
     target: Path,
     reporter: Reporter,
     denoise: bool,
+    layers: tuple[str, ...],
 ) -> None:
-    """Write the image and say so; after an interruption end with its exit code."""
+    """Write the image with these layers and say so; after an interruption end with its exit code."""
     image = session.image()
     samples = _samples_in(image, last)
     if interrupt is not None and not samples:
@@ -189,7 +214,7 @@ def _finish(
         raise typer.Exit(exit_code(interrupt))
     if denoise:
         image = _denoised(image)
-    _save(image, target, session.settings)
+    _save(image.select_layers(*layers), target, session.settings)
     seconds = float(image.metadata.get("seconds", last.seconds if last else 0.0))
     paths = samples * session.width * session.height
     reporter.summary(

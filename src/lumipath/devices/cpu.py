@@ -16,7 +16,7 @@ from ..accel.build import build_tree
 from ..accel.bvh8 import WIDTH, widen
 from ..lang.kernel import compile_for
 from ..lang.scalars import quiet_arithmetic
-from ..pack.layout import PIXEL_INTEGRATORS, FilmArrays, PackedScene, View
+from ..pack.layout import PIXEL_INTEGRATORS, FilmArrays, LayerArrays, PackedScene, View
 from ..pack.scene import Packed
 from .cpu_batch import BATCH, CANCELLED, REJECTED, TILE_PIXELS, new_batch, render_tiles
 from .cpu_pixels import render_pixels
@@ -88,7 +88,9 @@ class CpuDevice:
         whole = int(BATCH // TILE_PIXELS)
         return next((stop for stop in (1, 4) if done < stop), (done // whole + 1) * whole)
 
-    def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
+    def render(
+        self, scene: PackedScene, view: View, film: FilmArrays | LayerArrays, last: int
+    ) -> Generator[int, None, None]:
         """Bring every pixel of the film up to `last` samples; see `Device.render`."""
         self._control = control = np.zeros(4, np.int64)
         renderer = renderer_of(scene)
@@ -109,6 +111,16 @@ class CpuDevice:
         for item in work:
             item.result()
         yield int(control[REJECTED]) - reported
+
+    def compile_layers(self, scene: PackedScene, view: View, layers: LayerArrays) -> None:
+        """Compile the pass that fills layers, or load it from the disk."""
+        compile_for(renderer_of(scene), scene, view, layers, self._batches[0], np.zeros(4, np.int64), 0)
+
+    def render_layers(
+        self, scene: PackedScene, view: View, layers: LayerArrays, last: int
+    ) -> Generator[int, None, None]:
+        """Bring every pixel of the layers up to `last` samples; see `Device.render_layers`."""
+        return self.render(scene, view, layers, last)
 
     def cancel(self) -> None:
         """End the pass after the tiles that are under way; see `Device.cancel`."""

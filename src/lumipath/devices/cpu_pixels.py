@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from ..accel.trace8 import trace_ray
 from ..kernels.integrators import estimate
+from ..kernels.layers import add_samples_of_layers
 from ..lang import INF, entry, fetch_add, i32, kernel, load, store, u32
+from ..pack.layout import LAYERS
 from .cpu_batch import CANCELLED, FINISHED_TILES, NEXT_TILE, REJECTED, TILE, add_to_film
 
 
@@ -26,6 +28,15 @@ def render_pixel(scene, view, film, column, row, place, last):
     return rejected
 
 
+@kernel(needs=LAYERS, otherwise=render_pixel)
+def render_pixel_or_layers(scene, view, film, column, row, place, last):
+    """Bring a pixel of LayerArrays up to `last` samples."""
+    first = i32(load(film.counts, place))
+    if first < last:
+        add_samples_of_layers(scene, view, trace_ray, film, column, row, place, first, i32(last))
+    return 0
+
+
 @entry
 def render_pixels(scene, view, film, batch, control, last):
     """Render tiles until there are no more, or the render is cancelled.
@@ -33,7 +44,7 @@ def render_pixels(scene, view, film, batch, control, last):
     Args:
         scene: PackedScene with a BVH8.
         view: View.
-        film: FilmArrays; each pixel gets the samples from its count up to `last`.
+        film: FilmArrays, or LayerArrays for the layers; each pixel gets the samples from its count up to `last`.
         batch: not used; `render_tiles` has the same parameters.
         control: (4,) int64, shared by the threads.
         last: number of samples that each pixel has afterwards.
@@ -52,6 +63,7 @@ def render_pixels(scene, view, film, batch, control, last):
                 if fetch_add(control, CANCELLED, 0) != 0:
                     return
                 place = i32(v * view.film_width + u)
-                rejected = render_pixel(scene, view, film, i32(view.left + u), i32(view.top + v), place, last)
+                x_full, y_full = i32(view.left + u), i32(view.top + v)
+                rejected = render_pixel_or_layers(scene, view, film, x_full, y_full, place, last)
                 fetch_add(control, REJECTED, rejected)
         fetch_add(control, FINISHED_TILES, 1)

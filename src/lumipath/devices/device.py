@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from attrs import field, frozen
 
-from ..pack.layout import FilmArrays, PackedScene, View
+from ..pack.layout import FilmArrays, LayerArrays, PackedScene, View
 from ..pack.scene import Packed
 
 
@@ -43,6 +43,17 @@ class Device(Protocol):
 
         Yields several times a second the number of samples that were not finite since the last time. Closing the
         iterator, or an exception in it, stops the work and leaves the film valid: every pixel with its count.
+        """
+
+    def compile_layers(self, scene: PackedScene, view: View, layers: LayerArrays) -> None:
+        """Compile the pass that fills layers, for a scene with the feature `LAYERS`, or load it from the disk."""
+
+    def render_layers(
+        self, scene: PackedScene, view: View, layers: LayerArrays, last: int
+    ) -> Generator[int, None, None]:
+        """Bring every pixel of the layers up to `last` samples, after `compile_layers` for the same scene.
+
+        Like `render`, but what was done lies in the arrays of `layers` as soon as the iterator has ended.
         """
 
     def cancel(self) -> None:

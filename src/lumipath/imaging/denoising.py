@@ -14,6 +14,10 @@ from ..rendering.image import Image
 INSTALL_HINT = "Open Image Denoise is not installed; install it with: pip install 'lumipath[denoise]'"
 
 
+GUIDES = ("albedo", "normal")
+"""Layers that help the denoiser."""
+
+
 def require_denoiser() -> None:
     """Nothing if Open Image Denoise is installed.
 
@@ -29,8 +33,10 @@ def denoise(image: Image, albedo: Any = None, normal: Any = None) -> Image:
 
     Args:
         image: a noisy render. Negative values and pixels that are not finite count as black.
-        albedo: (H, W, 3), 0 to 1, what the camera sees of diffuse and mirror colours; keeps textures sharp.
-        normal: (H, W, 3), -1 to 1, what it sees of shading normals; keeps edges sharp. Needs `albedo`.
+        albedo: (H, W, 3), 0 to 1, what the camera sees of diffuse and mirror colours; keeps textures sharp. By default
+            the image's layer of this name, if it has one.
+        normal: (H, W, 3), -1 to 1, what it sees of shading normals; keeps edges sharp. Needs `albedo`. By default the
+            image's layer of this name, if there is an albedo.
 
     Raises:
         UsageError: Open Image Denoise is not installed, or there are normals without albedo.
@@ -38,6 +44,9 @@ def denoise(image: Image, albedo: Any = None, normal: Any = None) -> Image:
         RenderError: denoising failed.
     """
     require_denoiser()
+    albedo = image.layers.get("albedo") if albedo is None else albedo
+    if normal is None and albedo is not None:
+        normal = image.layers.get("normal")
     if normal is not None and albedo is None:
         raise UsageError("the denoiser takes normals only together with albedo; give both")
     guides = {
@@ -52,7 +61,7 @@ def denoise(image: Image, albedo: Any = None, normal: Any = None) -> Image:
     except RuntimeError as error:
         raise RenderError(f"Open Image Denoise failed: {' '.join(str(error).split())}") from None
     denoiser = f"Open Image Denoise {mitsuba_oidn.oidn_version()}"
-    return Image(np.asarray(pixels), {**image.metadata, "denoiser": denoiser})
+    return Image(np.asarray(pixels), {**image.metadata, "denoiser": denoiser}, image.layers)
 
 
 def _guide(layer: Any, name: str, shape: tuple[int, int, int]) -> NDArray[np.float32]:

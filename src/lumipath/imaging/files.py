@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..errors import CheckpointError, ImageError
+from ..errors import CheckpointError
 from ..rendering.checkpoint import Checkpoint
 from ..rendering.image import SUFFIXES, Image
 
@@ -30,25 +27,3 @@ def open_image(path: Path) -> Image:
         return Checkpoint.load(path).image()
     except CheckpointError as error:
         raise CheckpointError(f"{error}; images end in {', '.join(SUFFIXES)}") from None
-
-
-def read_layer(path: Path, layer: str, parts: str) -> NDArray[np.float32] | None:
-    """The channels `layer.PART` of an EXR file, (H, W, number of parts) float32; None where there are none.
-
-    Raises:
-        ImageError: the file cannot be read.
-    """
-    if path.suffix.lower() != ".exr":
-        return None
-    import OpenImageIO
-
-    source = OpenImageIO.ImageInput.open(str(path))
-    if source is None:
-        raise ImageError(f"{path}: cannot be read: {OpenImageIO.geterror().strip().splitlines()[0]}")
-    names = list(source.spec().channelnames)
-    wanted = [f"{layer}.{part}" for part in parts]
-    found = source.read_image(OpenImageIO.FLOAT) if set(wanted) <= set(names) else None
-    source.close()
-    if found is None:
-        return None
-    return np.ascontiguousarray(found[:, :, [names.index(name) for name in wanted]], np.float32)

@@ -10,16 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ImageError
+from ..rendering.channels import side_by_side
 from ..rendering.checkpoint import Checkpoint
 from ..rendering.image import Image, read_header
 from .files import is_image_name
+
+# As OpenImageIO calls them.
+_TYPES = {"f": "float", "i": "int"}
 
 
 def describe(path: Path) -> dict[str, Any]:
     """What an image file or a checkpoint holds, ready for JSON.
 
     `channels` has for each channel name, type, `min`, `max` and `mean` of its finite values (of the stored ones: an
-    8-bit file goes from 0 to 1, not linear), and the number of values that are `not_finite`.
+    8-bit file goes from 0 to 1, not linear), and the number of values that are `not_finite`. `layers` has the names of
+    the layers among them.
 
     Raises:
         ImageError: the image is missing or cannot be read.
@@ -27,10 +32,7 @@ def describe(path: Path) -> dict[str, Any]:
     """
     if not is_image_name(path):
         return _of_checkpoint(path)
-    if path.suffix.lower() == ".npy":
-        image = Image.load(path)
-        return _facts(path, "npy", image.pixels, list("RGB"), ["float"] * 3, {})
-    return _of_image(path)
+    return _of_arrays(path) if path.suffix.lower() in (".npy", ".npz") else _of_image(path)
 
 
 def _of_checkpoint(path: Path) -> dict[str, Any]:
@@ -47,11 +49,21 @@ def _of_checkpoint(path: Path) -> dict[str, Any]:
     }
 
 
+def _of_arrays(path: Path) -> dict[str, Any]:
+    image = Image.load(path)
+    data, names = side_by_side(image.pixels, image.layers)
+    types = ["float"] * 3
+    for layer in image.layers.values():
+        types += [_TYPES[layer.dtype.kind]] * layer.shape[2]
+    facts = _facts(path, path.suffix.lower()[1:], data, names, types, image.metadata)
+    return {**facts, "layers": list(image.layers)}
+
+
 def _of_image(path: Path) -> dict[str, Any]:
     import OpenImageIO
 
     # The errors of a missing or damaged file are those of every other reader.
-    Image.load(path)
+    layers = list(Image.load(path).layers)
     source = OpenImageIO.ImageInput.open(str(path))
     if source is None:
         raise ImageError(f"{path}: cannot be read: {OpenImageIO.geterror().strip()}")
@@ -60,7 +72,8 @@ def _of_image(path: Path) -> dict[str, Any]:
     source.close()
     types = [str(spec.channelformat(channel)) for channel in range(spec.nchannels)]
     pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
-    return _facts(path, path.suffix.lower()[1:], pixels, list(spec.channelnames), types, read_header(spec))
+    facts = _facts(path, path.suffix.lower()[1:], pixels, list(spec.channelnames), types, read_header(spec))
+    return {**facts, "layers": layers}
 
 
 def _facts(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from ..lang import f32, i32, kernel, load4
 from ..pack.layout import BLADES, LENS
 from .rays import endless_ray
-from .vectors import normalize, xyz
+from .sampler import Numbers
+from .vectors import dot, normalize, xyz
 from .warps import uniform_disc, uniform_polygon
 
 
@@ -52,3 +53,15 @@ def camera_ray(scene, view, column, row, numbers):
     x = (2.0 * (f32(column) + numbers.a) / f32(view.width) - 1.0) * half_width
     y = (1.0 - 2.0 * (f32(row) + numbers.b) / f32(view.height)) * half_height
     return lens_ray(scene, view, x, y, numbers)
+
+
+@kernel
+def central_numbers():
+    """The middle of the pixel, and of the lens, round or not: there its points begin."""
+    return Numbers(0.5, 0.5, 0.0, 0.0)
+
+
+@kernel
+def axial_distance(view, p):
+    """Distance of a point from the camera along its viewing direction, metres."""
+    return dot(xyz(load4(view.lens, 12)), xyz(load4(view.lens, 0)) - p)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from ..lang import Vec3, f32, i32, kernel, load4, struct
+from ..lang import Vec3, f32, i32, kernel, struct
 from ..pack.layout import ALBEDO, DEPTH, NORMAL, OCCLUSION
-from .camera import camera_ray
+from .camera import axial_distance, camera_ray
 from .materials import lobes_at
 from .rays import Hit, Ray, offset_point
 from .sampler import camera_numbers, direction_numbers
 from .surface import surface_at
-from .vectors import black, dot, frame_around, to_world, white, xyz
+from .vectors import black, dot, frame_around, to_world, white
 from .warps import cosine_hemisphere
 
 # Of the scene's extent: how far surfaces occlude each other where the settings do not say.
@@ -65,9 +65,7 @@ def depth(scene, view, trace, column, row, pixel, sample):
     first = first_of(scene, view, trace, column, row, pixel, sample)
     if first.hit.primitive < 0:
         return black()
-    backward = xyz(load4(view.lens, 12))
-    p = first.ray.o + first.ray.d * first.hit.t
-    z = dot(backward, xyz(load4(view.lens, 0)) - p)
+    z = axial_distance(view, first.ray.o + first.ray.d * first.hit.t)
     return Vec3(z, z, z)
 
 

@@ -162,6 +162,14 @@ def _is_smooth(mesh: Mesh) -> bool:
     return bool((agreement[length[:, 0] > 0] < 1 - 1e-6).any())
 
 
+def shape_numbers(scene: Scene) -> NDArray[np.int32]:
+    """(P,) int32: for each primitive, in the order of `flatten`, which shape of the scene it belongs to."""
+    meshes = [(number, len(shape.faces)) for number, shape in enumerate(scene.shapes) if isinstance(shape, Mesh)]
+    quadrics = [(number, 1) for number, shape in enumerate(scene.shapes) if not isinstance(shape, Mesh)]
+    numbers, lengths = np.array([*meshes, *quadrics], np.int64).reshape(-1, 2).T
+    return np.repeat(numbers, lengths).astype(np.int32)
+
+
 def vertex_rows(geometry: Geometry) -> NDArray[np.float32]:
     """(V, 8) float32: the records of all vertices."""
     return np.concatenate(

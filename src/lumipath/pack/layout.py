@@ -39,11 +39,13 @@ ALBEDO = 1 << 33
 NORMAL = 1 << 34
 DEPTH = 1 << 35
 OCCLUSION = 1 << 36
+# Not an integrator to choose: the pass that fills `LayerArrays`.
+LAYERS = 1 << 37
 
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
-PIXEL_INTEGRATORS = WHITTED | ALBEDO | NORMAL | DEPTH | OCCLUSION
+PIXEL_INTEGRATORS = WHITTED | ALBEDO | NORMAL | DEPTH | OCCLUSION | LAYERS
 """Those whose sample is one function, with no batches of paths."""
 
 # ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), then as bits the material's number (24) and
@@ -162,3 +164,30 @@ class FilmArrays(NamedTuple):
     total: NDArray[Any]
     lost: NDArray[Any]
     counts: NDArray[Any]
+
+
+class LayerColumns(NamedTuple):
+    """The first column of each layer in `LayerArrays.sums`; -1: not wanted."""
+
+    albedo: i32
+    normal: i32
+    geometric_normal: i32
+    position: i32
+    emission: i32
+    uv: i32
+    depth: i32
+
+
+class LayerArrays(NamedTuple):
+    """Layers of the first hit as kernels see them.
+
+    Sums over the samples (H, W, C) float32, numbers of samples that hit something (H, W) uint32, numbers of samples
+    (H, W) uint32, and the primitive at each pixel's middle (H, W) int32, -1 for none.
+    """
+
+    sums: NDArray[Any]
+    hits: NDArray[Any]
+    counts: NDArray[Any]
+    primitives: NDArray[Any]
+    columns: LayerColumns
+    channels: i32  # C

@@ -31,6 +31,7 @@ class Packed:
 
     scene: PackedScene
     geometry: Geometry
+    material_names: tuple[str, ...]
 
 
 def pack_scene(scene: Scene) -> Packed:
@@ -93,7 +94,7 @@ def pack_scene(scene: Scene) -> Packed:
         environment_height=i32(environment.height),
         environment_probability=f32(lights.environment_probability),
     )
-    return Packed(packed, geometry)
+    return Packed(packed, geometry, tuple(material.name for material in table.materials))
 
 
 def _primitive_rows(geometry: Geometry) -> NDArray[np.float32]:
@@ -117,14 +118,25 @@ _INTEGRATORS = {
 }
 
 
-def settings_features(settings: RenderSettings, camera: Camera) -> int:
-    """Feature bits of the settings."""
-    mask = _INTEGRATORS[settings.integrator]
-    mask |= layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
+def _camera_features(settings: RenderSettings, camera: Camera) -> int:
+    """Feature bits of camera rays."""
+    mask = layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
     aperture = camera.aperture if settings.aperture is None else settings.aperture
     blades = camera.blades if settings.blades is None else settings.blades
     mask |= layout.LENS if aperture > 0 else 0
     mask |= layout.BLADES if aperture > 0 and blades > 0 else 0
+    return mask
+
+
+def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
+    """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it looks at no lights."""
+    mask = scene & ~(layout.ANY_LIGHT | layout.MANY_LIGHTS) | layout.LAYERS | _camera_features(settings, camera)
+    return mask | (layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0)
+
+
+def settings_features(settings: RenderSettings, camera: Camera) -> int:
+    """Feature bits of the settings."""
+    mask = _INTEGRATORS[settings.integrator] | _camera_features(settings, camera)
     if mask & layout.PIXEL_INTEGRATORS:
         return mask
     mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0

@@ -92,6 +92,17 @@ def _camera_values(camera: Camera) -> dict[str, Any]:
     return {**values, "fov": float(camera.fov)}
 
 
+def _camera_matrices(settings: dict[str, Any]) -> dict[str, tuple[float, ...]]:
+    """The matrices of the camera as the attributes of OpenEXR have them: for points as rows, so transposed."""
+    camera = Camera(**settings["camera"])
+    to_camera = camera.world_to_camera()
+    to_ndc = camera.camera_to_ndc(settings["width"], settings["height"], settings["crop"]) @ to_camera
+    return {
+        name: tuple(matrix.T.ravel().tolist())
+        for name, matrix in (("worldToCamera", to_camera), ("worldToNDC", to_ndc))
+    }
+
+
 def _shown(value: Any) -> str:
     if isinstance(value, dict):
         return "(" + ", ".join(f"{name} {_shown(part)}" for name, part in value.items()) + ")"
@@ -182,7 +193,8 @@ class Checkpoint:
             "seconds": self.seconds,
             "scene": self.scene_name,
         }
-        return Image(self.film.mean(), {**metadata, "version": self.identity.version, "device": self.device})
+        metadata |= {"version": self.identity.version, "device": self.device, "scene_hash": self.identity.scene}
+        return Image(self.film.mean(), metadata | _camera_matrices(self.identity.settings))
 
     def require_same(self, identity: Identity, path: str | Path, what: str) -> None:
         """Make sure that this checkpoint, from the file `path`, is of the same picture as `what`.

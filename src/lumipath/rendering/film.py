@@ -8,9 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UsageError
 from ..pack.layout import FilmArrays
-from .memory import available_memory
+from .memory import require_memory
 
 BYTES_PER_PIXEL = 40
 """Sums, what they lost and counts, and the image that is made of them."""
@@ -33,12 +32,7 @@ class Film:
     """
 
     def __init__(self, width: int, height: int) -> None:
-        needed, available = width * height * BYTES_PER_PIXEL, available_memory()
-        if available is not None and needed > available:
-            raise UsageError(
-                f"{width} x {height} pixels need {needed} bytes for film and image, and {available} are available; "
-                "choose a smaller size, or render it in crops"
-            )
+        require_memory(width, height, BYTES_PER_PIXEL, "film and image")
         self.total: NDArray[np.float32] = np.zeros((height, width, 3), np.float32)
         self.lost: NDArray[np.float32] = np.zeros((height, width, 3), np.float32)
         self.counts: NDArray[np.uint32] = np.zeros((height, width), np.uint32)

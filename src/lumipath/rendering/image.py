@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,17 @@ import numpy as np
 from attrs import define, field
 from numpy.typing import NDArray
 
-from ..errors import ImageError
+from ..errors import ImageError, UsageError
+from .channels import layers_among, read_archive, side_by_side, write_archive
 from .files import claim_space, replacing, target_of, temporary_for, try_to_write
 from .tonemap import DATA_INTEGRATORS, check_tonemap, data_to_display, decode_srgb, to_display
 
 Floats = NDArray[np.float32]
 
 _EIGHT_BIT = (".png", ".jpg", ".jpeg")
-SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".hdr", ".npy")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".hdr", ".npy", ".npz")
+LAYER_SUFFIXES = (".exr", ".npz")
+"""Files that can hold layers."""
 
 # Attributes that OpenImageIO or the format itself puts into a header.
 _FOREIGN_NAMES = (
@@ -33,6 +37,8 @@ _FOREIGN_NAMES = (
 _EXR_RESERVED = ("channels", "chunkCount", "dataWindow", "displayWindow", "lineOrder", "name", "type", "version")
 _EXR_PREFIX = "lumipath:"
 _INT32_MAX = (1 << 31) - 1
+# Longest value that `repr` shows.
+_SHORT = 60
 
 
 def _pixels(value: Any) -> Floats:
@@ -43,21 +49,39 @@ def _pixels(value: Any) -> Floats:
     return pixels
 
 
+def _layers(value: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    """Each as (H, W, C): int32 where it is given as whole numbers, else float32."""
+    layers = {}
+    for name, given in value.items():
+        array = np.asarray(given)
+        array = np.ascontiguousarray(array, np.int32 if array.dtype.kind in "iu" else np.float32)
+        layers[name] = array[..., None] if array.ndim == 2 else array
+    return layers
+
+
 @define(eq=False)
 class Image:
-    """A rendered image.
+    """A rendered image, with its layers.
 
     Args:
         pixels: (H, W, 3) float32, linear Rec.709 radiance; row 0 is the top.
         metadata: what is known about it: samples, seed, seconds, version, scene and so on; numbers, strings, and 4 x 4
-            matrices as 16 numbers. EXR files keep it in their header, the other formats have no place for it.
+            matrices as 16 numbers. EXR and NPZ files keep it, the other formats have no place for it.
+        layers: by name, (H, W) or (H, W, C); they become (H, W, C) float32, or int32 for whole numbers.
 
     Raises:
-        ImageError: the pixels have another shape.
+        ImageError: the pixels or a layer have another shape.
     """
 
     pixels: Floats = field(converter=_pixels)
     metadata: dict[str, Any] = field(factory=dict)
+    layers: dict[str, NDArray[Any]] = field(factory=dict, converter=_layers)
+
+    def __attrs_post_init__(self) -> None:
+        for name, layer in self.layers.items():
+            if layer.ndim != 3 or layer.shape[:2] != self.pixels.shape[:2] or not layer.shape[2]:
+                shape = " x ".join(map(str, layer.shape))
+                raise ImageError(f"layer {name} has the shape {shape}, the image {self.height} x {self.width} pixels")
 
     @property
     def height(self) -> int:
@@ -74,18 +98,42 @@ class Image:
         """(H, W, 3)."""
         return (self.height, self.width, 3)
 
+    @property
+    def layer_names(self) -> tuple[str, ...]:
+        """What can stand in `image[...]`."""
+        return tuple(self.layers)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """The layer of that name, (H, W, C) float32 or int32.
+
+        Raises:
+            UsageError: the image has no such layer; the message lists those it has.
+        """
+        if name not in self.layers:
+            have = f"it has {', '.join(self.layers)}" if self.layers else "it has none; render it with aov=..."
+            raise UsageError(f"the image has no layer {name!r}: {have}")
+        return self.layers[name]
+
+    def select_layers(self, *names: str) -> Image:
+        """The same image with only these layers, of those it has."""
+        return Image(
+            self.pixels, dict(self.metadata), {name: self.layers[name] for name in names if name in self.layers}
+        )
+
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return np.array(self.pixels, dtype, copy=copy)
 
     def __repr__(self) -> str:
-        known = "".join(f", {key}={value!r}" for key, value in self.metadata.items())
-        return f"Image({self.width} x {self.height}{known})"
+        # Matrices and lists of names would fill the screen.
+        known = {key: value for key, value in self.metadata.items() if len(str(value)) <= _SHORT}
+        known |= {"layers": ", ".join(self.layers)} if self.layers else {}
+        return f"Image({self.width} x {self.height}{''.join(f', {key}={value!r}' for key, value in known.items())})"
 
     def _repr_png_(self) -> bytes:
         """The image as a notebook shows it."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "image.png")
-            self.save(path)
+            self.select_layers().save(path)
             return path.read_bytes()
 
     def to_uint8(self, exposure: float = 0.0, tonemap: str = "none") -> NDArray[np.uint8]:
@@ -107,8 +155,9 @@ class Image:
     def save(self, path: str | os.PathLike[str], *, exposure: float = 0.0, tonemap: str = "none") -> None:
         """Write the image; the suffix chooses the format. Either the whole file is written or none of it.
 
-        `.png`, `.jpg`, `.jpeg`: 8 bits, display-encoded. `.exr`, `.npy`: float32, linear, every value as it is. `.hdr`:
-        linear RGBE. A pixel with a NaN or an infinity becomes black in the 8-bit formats and in `.hdr`.
+        `.png`, `.jpg`, `.jpeg`: 8 bits, display-encoded. `.exr`, `.npz`: float32, linear, every value as it is, with
+        layers and metadata. `.npy`: the same, of the image alone. `.hdr`: linear RGBE. A pixel with a NaN or an
+        infinity becomes black in the 8-bit formats and in `.hdr`.
 
         Args:
             path: where to; an existing file is replaced once the new one is complete.
@@ -116,32 +165,43 @@ class Image:
             tonemap: of 8-bit formats: one of `settings.TONEMAPS`.
 
         Raises:
-            ImageError: the file cannot be written; an earlier file of this name is still there.
+            ImageError: the file cannot be written, or the image has layers and the format has none; an earlier file
+                of this name is still there.
             UsageError: no such tonemap.
         """
         check_tonemap(tonemap)
         target = _target(Path(path))
+        if self.layers and target.suffix.lower() not in LAYER_SUFFIXES:
+            raise ImageError(
+                f"{path}: the layers {', '.join(self.layers)} fit only into {' and '.join(LAYER_SUFFIXES)} files; use "
+                "one of these, or save image.select_layers(), which has none"
+            )
         suffix = target.suffix.lower()
         temporary = temporary_for(target)
         with replacing(target, temporary, ImageError):
             if suffix == ".npy":
                 _write_npy(temporary, self.pixels)
             elif suffix == ".exr":
-                _write_with_oiio(temporary, self.pixels, _exr_header(self.metadata))
+                data, names = side_by_side(self.pixels, self.layers)
+                _write_with_oiio(temporary, data, _exr_header(self.metadata), names)
+            elif suffix == ".npz":
+                write_archive(temporary, self.pixels, self.layers, self.metadata)
             elif suffix == ".hdr":
                 finite = np.isfinite(self.pixels).all(axis=-1, keepdims=True)
                 _write_with_oiio(temporary, np.where(finite, np.maximum(self.pixels, 0), np.float32(0)), {})
             else:
-                data = self.to_uint8(exposure, tonemap)
+                shown = self.to_uint8(exposure, tonemap)
                 # libjpeg ends the whole process when the disk is full, so the room is claimed beforehand.
                 if suffix != ".png":
-                    claim_space(temporary, data.nbytes)
+                    claim_space(temporary, shown.nbytes)
                 colour_space = "linear" if tonemap == "linear" or self._shows_data else "sRGB"
-                _write_with_oiio(temporary, data, {"CompressionQuality": 95, "oiio:ColorSpace": colour_space})
+                _write_with_oiio(temporary, shown, {"CompressionQuality": 95, "oiio:ColorSpace": colour_space})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Image:
         """Read an image file; 8- and 16-bit formats are taken as sRGB and made linear, alpha is dropped.
+
+        Channels of an EXR file that are named like `normal.X` become layers.
 
         Raises:
             ImageError: no such file, an unknown suffix, or not a readable image.
@@ -152,6 +212,9 @@ class Image:
             raise ImageError(f"{path} is a directory, not an image")
         if not path.exists():
             raise ImageError(f"{path}: there is no such file")
+        if path.suffix.lower() == ".npz":
+            pixels, layers, metadata = read_archive(path)
+            return cls(pixels, metadata, layers)
         return cls(_read_npy(path)) if path.suffix.lower() == ".npy" else cls(*_read_with_oiio(path))
 
 
@@ -186,17 +249,20 @@ def _write_npy(path: Path, pixels: Floats) -> None:
         np.save(file, pixels, allow_pickle=False)
 
 
-def _write_with_oiio(path: Path, data: NDArray[Any], attributes: dict[str, Any]) -> None:
-    """Write (H, W, 3) uint8 or float32 data as it is.
+def _write_with_oiio(
+    path: Path, data: NDArray[Any], attributes: dict[str, Any], channels: Sequence[str] = ("R", "G", "B")
+) -> None:
+    """Write (H, W, C) uint8 or float32 data as it is.
 
     Raises:
         OSError: for whatever reason; OpenImageIO tells no more than a text.
     """
     import OpenImageIO
 
-    height, width, _ = data.shape
-    spec = OpenImageIO.ImageSpec(width, height, 3, OpenImageIO.UINT8 if data.dtype == np.uint8 else OpenImageIO.FLOAT)
-    spec.channelnames = ("R", "G", "B")
+    height, width, count = data.shape
+    kind = OpenImageIO.UINT8 if data.dtype == np.uint8 else OpenImageIO.FLOAT
+    spec = OpenImageIO.ImageSpec(width, height, count, kind)
+    spec.channelnames = tuple(channels)
     for name, value in attributes.items():
         _set_attribute(spec, name, value)
     output = OpenImageIO.ImageOutput.create(str(path))
@@ -255,7 +321,7 @@ def _read_npy(path: Path) -> NDArray[Any]:
     return array
 
 
-def _read_with_oiio(path: Path) -> tuple[Floats, dict[str, Any]]:
+def _read_with_oiio(path: Path) -> tuple[Floats, dict[str, Any], dict[str, NDArray[Any]]]:
     import OpenImageIO
 
     source = OpenImageIO.ImageInput.open(str(path))
@@ -271,8 +337,10 @@ def _read_with_oiio(path: Path) -> tuple[Floats, dict[str, Any]]:
     data = np.asarray(data, np.float32).reshape(spec.height, spec.width, spec.nchannels)
     pixels = data[:, :, _colour_channels(spec.channelnames)]
     if path.suffix.lower() in _EIGHT_BIT:
-        return decode_srgb(pixels), {}
-    return pixels, read_header(spec) if path.suffix.lower() == ".exr" else {}
+        return decode_srgb(pixels), {}, {}
+    if path.suffix.lower() != ".exr":
+        return pixels, {}, {}
+    return pixels, read_header(spec), layers_among(data, list(spec.channelnames))
 
 
 def _colour_channels(names: Any) -> list[int]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from ..errors import UsageError
+
 _MEMINFO = Path("/proc/meminfo")
 # The limit of a container, where there is one.
 _LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
@@ -17,6 +19,20 @@ def available_memory() -> int | None:
     """
     bounds = [bound for bound in (_free(), *map(_limit, _LIMITS)) if bound is not None]
     return min(bounds, default=_installed())
+
+
+def require_memory(width: int, height: int, bytes_per_pixel: int, what: str) -> None:
+    """Make sure that there is memory for so many bytes a pixel, which `what` needs.
+
+    Raises:
+        UsageError: there is not.
+    """
+    needed, available = width * height * bytes_per_pixel, available_memory()
+    if available is not None and needed > available:
+        raise UsageError(
+            f"{width} x {height} pixels need {needed} bytes for {what}, and {available} are available; "
+            "choose a smaller size, or render it in crops"
+        )
 
 
 def _free() -> int | None:

@@ -16,12 +16,13 @@ from ..devices.device import Device
 from ..errors import DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
 from ..pack import layout
-from ..pack.scene import Packed, pack_scene, pack_view, settings_features
+from ..pack.scene import Packed, layer_features, pack_scene, pack_view, settings_features
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
 from .film import Film, level
 from .image import Image
+from .layer_film import LayerFilm
 
 
 @frozen
@@ -97,6 +98,9 @@ class Session:
         self._view = pack_view(camera, self.settings)
         self._identity = Identity.of(scene, self.settings)
         self.film = Film(int(self._view.film_width), int(self._view.film_height))
+        self._layers: LayerFilm | None = None
+        if self.settings.aov:
+            self._layers = LayerFilm(self.settings.aov, self.film.width, self.film.height, self.settings.spp)
         self._file, found = self._open_checkpoint(checkpoint, resume)
         self.device: Device = open_device(device, self.settings.threads, self.settings.kernel)
         try:
@@ -127,6 +131,11 @@ class Session:
         self.build_seconds = time.perf_counter() - start
         start = time.perf_counter()
         self.device.compile(self._packed, self._view, self.film.arrays)
+        if self._layers is not None:
+            self._material_names = host.material_names
+            features = layer_features(packed.features.mask, self.settings, camera)
+            self._packed_for_layers = packed._replace(features=Features(features))
+            self.device.compile_layers(self._packed_for_layers, self._view, self._layers.arrays)
         self.compile_seconds = time.perf_counter() - start
 
     def _distance_of(self, pixel: tuple[int, int], host: Packed, packed: layout.PackedScene) -> float:
@@ -178,6 +187,7 @@ class Session:
     def __iter__(self) -> Iterator[Progress]:
         """Render, and report several times a second; leaving the loop at any time leaves the film valid."""
         try:
+            yield from self._render_layers()
             while (done := int(self.film.counts.min())) < self.settings.spp:
                 last = min(self.settings.spp, self.device.next_stop(done, self.width * self.height))
                 yield from self._render_pass(last)
@@ -203,6 +213,18 @@ class Session:
             work.close()
             self.render_seconds = time.perf_counter() - start
             self._work = None
+
+    def _render_layers(self) -> Iterator[Progress]:
+        """Finish the layers; no paths are traced, so that the time spent here would spoil what is said of those."""
+        while self._layers is not None and not self._layers.is_complete:
+            arrays, last = self._layers.arrays, self._layers.samples
+            self._work = work = self.device.render_layers(self._packed_for_layers, self._view, arrays, last)
+            try:
+                for _ in work:
+                    yield self.progress()
+            finally:
+                work.close()
+                self._work = None
 
     def _settle(self) -> None:
         """End the pass that is under way, so that sums and counts agree and are the host's; the next one goes on."""
@@ -271,6 +293,8 @@ class Session:
         self.settings = attrs.evolve(self.settings, seed=seed)
         self._view = self._view._replace(seed=u32(seed))
         self.film.clear()
+        if self._layers is not None:
+            self._layers.clear()
         self.device.clear()
         self.render_seconds = 0.0
         self.resumed = 0.0
@@ -295,8 +319,12 @@ class Session:
         return self.image()
 
     def image(self) -> Image:
-        """The image of the samples so far."""
-        return self.checkpoint().image()
+        """The image and the layers of the samples so far."""
+        image = self.checkpoint().image()
+        if self._layers is None:
+            return image
+        metadata = image.metadata | self._layers.metadata(self.scene, self._material_names)
+        return Image(image.pixels, metadata, self._layers.layers(self.film.counts, self._packed, self.scene))
 
 
 def render(

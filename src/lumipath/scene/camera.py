@@ -74,6 +74,37 @@ class Camera:
             right = right / length if length > 1e-7 else np.full(3, np.nan)
         return right, np.cross(backward, right), backward
 
+    def world_to_camera(self) -> np.ndarray:
+        """(4, 4) float64 for column vectors, to the left-handed space of OpenEXR: x right, y up, z ahead."""
+        right, up, backward = self.axes()
+        matrix = np.eye(4)
+        matrix[:3, :3] = right, up, -backward
+        matrix[:3, 3] = -matrix[:3, :3] @ np.asarray(self.position)
+        return matrix
+
+    def camera_to_ndc(self, width: int, height: int, window: tuple[int, int, int, int]) -> np.ndarray:
+        """(4, 4) float64 for column vectors: to (0, 0) at the top left corner of a window and (1, 1) at the opposite.
+
+        A point is divided by its fourth coordinate, the depth; the third one is then 1 / depth.
+
+        Args:
+            width: of the full image, pixels.
+            height: of the full image, pixels.
+            window: x0, y0, x1, y1, the part of the full image.
+        """
+        left, top, right, bottom = window
+        across, down = right - left, bottom - top
+        half = math.tan(math.radians(self.fov) / 2)
+        return np.array(
+            [
+                # Column and row in pixels grow with x / (half width) and -y / (half height), from the middle.
+                (height / (2 * half * across), 0, (width / 2 - left) / across, 0),
+                (0, -height / (2 * half * down), (height / 2 - top) / down, 0),
+                (0, 0, 0, 1),
+                (0, 0, 1, 0),
+            ]
+        )
+
     @classmethod
     def look_at(cls, position: Any, target: Any, up: Any = (0.0, 1.0, 0.0), **options: Any) -> Camera:
         """A camera at `position` that looks at the point `target` and focuses on it unless told otherwise."""

@@ -1,13 +1,14 @@
-"""Numba types of what kernels are called with."""
+"""What kernels are called with: its Numba types, and the way to the GPU."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numba
+import numpy as np
 from numba import types
 
-from ...pack.layout import FilmArrays, View
+from ...pack.layout import FilmArrays, LayerArrays, LayerColumns, View
 from .driver import DeviceArray
 
 
@@ -18,6 +19,15 @@ def type_of(value: Any) -> types.Type:
     if isinstance(value, tuple):
         return types.NamedTuple(tuple(type_of(item) for item in value), type(value))
     return numba.typeof(value)
+
+
+def to_device(value: Any) -> Any:
+    """A NamedTuple with its arrays on the GPU."""
+    if isinstance(value, np.ndarray):
+        return DeviceArray.of(value)
+    if isinstance(value, tuple):
+        return type(value)(*(to_device(item) for item in value))  # type: ignore[call-arg]
+    return value
 
 
 VIEW_TYPE = types.NamedTuple(
@@ -33,4 +43,14 @@ VIEW_TYPE = types.NamedTuple(
 FILM_TYPE = types.NamedTuple(
     (types.Array(types.float32, 3, "C"), types.Array(types.float32, 3, "C"), types.Array(types.uint32, 2, "C")),
     FilmArrays,
+)
+LAYERS_TYPE = types.NamedTuple(
+    (
+        types.Array(types.float32, 3, "C"),
+        *([types.Array(types.uint32, 2, "C")] * 2),
+        types.Array(types.int32, 2, "C"),
+        types.NamedTuple([types.int32] * len(LayerColumns._fields), LayerColumns),
+        types.int32,
+    ),
+    LayerArrays,
 )

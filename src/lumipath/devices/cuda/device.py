@@ -16,11 +16,13 @@ from ...accel.build import build_tree
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
 from ...errors import DeviceError
 from ...lang import Features
-from ...pack.layout import PIXEL_INTEGRATORS, WIDE_TREE, FilmArrays, PackedScene, View
+from ...pack.layout import PIXEL_INTEGRATORS, WIDE_TREE, FilmArrays, LayerArrays, PackedScene, View
 from ...pack.scene import Packed
 from ..device import DeviceInfo
 from ..interrupts import deferred_interrupts
+from .arguments import to_device
 from .driver import DeviceArray, Gpu, OutOfMemoryError, device_count
+from .layers import LayerPass
 from .schedulers import Megakernel, Scheduler, Wavefront
 
 # Below this many primitives a binary tree that is walked to its end is faster than voting over a wide one (measured).
@@ -139,6 +141,7 @@ class CudaDevice:
         self._cancelled = False
         self._uncounted = 0
         self._error: BaseException | None = None
+        self._layers: LayerPass | None = None
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPUs."""
@@ -254,6 +257,20 @@ class CudaDevice:
             film.counts[...] += np.uint32(self._uncounted)
             self._uncounted = 0
 
+    def compile_layers(self, scene: PackedScene, view: View, layers: LayerArrays) -> None:
+        """Compile the pass that fills layers, or load it from the disk; the first GPU runs it, since it is short."""
+        gpu = self._gpus[0]
+        gpu.open()
+        self._layers = LayerPass(gpu, self._scenes[gpu.index]._replace(features=scene.features), self._stack)
+
+    def render_layers(
+        self, scene: PackedScene, view: View, layers: LayerArrays, last: int
+    ) -> Generator[int, None, None]:
+        """Bring every pixel of the layers up to `last` samples; see `Device.render_layers`."""
+        assert self._layers is not None, "compile_layers comes first"
+        self._cancelled = False
+        yield from self._layers.render(view, layers, last, lambda: self._cancelled)
+
     def cancel(self) -> None:
         """End the pass after the slices that are under way; see `Device.cancel`."""
         self._cancelled = True
@@ -308,15 +325,6 @@ def joint_name(names: list[str]) -> str:
     """Names of several GPUs as one: `2 x NVIDIA H200`."""
     counts = Counter(names)
     return ", ".join(name if count == 1 else f"{count} x {name}" for name, count in counts.items())
-
-
-def to_device(value: Any) -> Any:
-    """A NamedTuple with its arrays on the GPU."""
-    if isinstance(value, np.ndarray):
-        return DeviceArray.of(value)
-    if isinstance(value, tuple):
-        return type(value)(*(to_device(item) for item in value))  # type: ignore[call-arg]
-    return value
 
 
 def cuda_infos() -> list[DeviceInfo]:
