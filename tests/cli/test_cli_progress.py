@@ -4,7 +4,7 @@ import json
 import pytest
 from fake_session import Progress
 
-from lumipath.cli._progress import BarReporter, JsonReporter, LineReporter, Summary, duration, make_reporter
+from lumipath.cli._progress import BarReporter, JsonReporter, LineReporter, Summary, describe, duration, make_reporter
 
 HALF = Progress(32, 64, 4.0, 10_000_000)
 
@@ -21,6 +21,10 @@ def test_lines_are_two_seconds_apart():
     for _ in range(5):
         reporter.update(HALF)
     assert stream.getvalue().splitlines() == [" 50.0 %  32/64 spp  2.5 Mpaths/s  4 s left"] * 2
+
+
+def test_time_is_shown_where_it_is_limited():
+    assert describe(Progress(32, None, 4.0, 10_000_000, 16.0)) == "32 spp  4/16 s  2.5 Mpaths/s  12 s left"
 
 
 def test_json_has_no_infinity():

@@ -214,6 +214,18 @@ class TestScene:
         assert err == "lumipath: error: unknown device 'cuda': use auto or cpu\n"
 
 
+class TestTime:
+    def test_time_alone_is_no_matter_of_samples(self, lumipath, fake):
+        _, _, err = lumipath("render", "-w", 4, "--time", 25)
+        assert fake[0].settings == RenderSettings(width=4, time=25.0)
+        assert err.startswith("lumipath: 100 spp in 25.00 s")
+
+    def test_json_has_both_limits(self, lumipath, fake):
+        _, _, err = lumipath("render", "-w", 4, "--time", 1, "--progress", "json")
+        first = json.loads(err.splitlines()[0])
+        assert (first["total"], first["time"], first["fraction"]) == (None, 1.0, 0.25)
+
+
 class TestCheckpoint:
     def test_reaches_the_session(self, lumipath, fake, tmp_path):
         assert lumipath("render", "-w", 4, "--checkpoint", "a.ckpt", "--checkpoint-interval", 5)[0] == 0

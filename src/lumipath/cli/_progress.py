@@ -29,7 +29,8 @@ class Summary:
     event: str
     """`done` or `interrupted`."""
     samples: float
-    total: int
+    total: int | None
+    """Samples wanted; None: no limit."""
     seconds: float
     mpaths_per_s: float
     kind: str
@@ -38,7 +39,7 @@ class Summary:
 
     def line(self) -> str:
         """The one line that ends a render."""
-        of_total = f" of {self.total}" if self.event == "interrupted" else ""
+        of_total = f" of {self.total}" if self.event == "interrupted" and self.total else ""
         start = "interrupted: " if self.event == "interrupted" else ""
         return (
             f"{start}{self.samples:.4g}{of_total} spp in {self.seconds:.2f} s, {self.mpaths_per_s:.3g} Mpaths/s "
@@ -116,6 +117,7 @@ class JsonReporter(Reporter):
             seconds=progress.seconds,
             remaining_seconds=progress.remaining_seconds,
             mpaths_per_s=progress.mpaths_per_s,
+            time=progress.time,
         )
 
     def summary(self, summary: Summary) -> None:
@@ -174,8 +176,11 @@ def make_reporter(mode: str, quiet: bool = False, stream: TextIO | None = None) 
 
 
 def describe(progress: Progress) -> str:
-    """Samples, speed and remaining time of a running render."""
-    parts = [f"{progress.samples:.4g}/{progress.total} spp", f"{progress.mpaths_per_s:.3g} Mpaths/s"]
+    """Samples, time, speed and remaining time of a running render."""
+    parts = [f"{progress.samples:.4g}{f'/{progress.total}' if progress.total else ''} spp"]
+    if progress.time is not None:
+        parts.append(f"{progress.seconds:.0f}/{progress.time:g} s")
+    parts.append(f"{progress.mpaths_per_s:.3g} Mpaths/s")
     if math.isfinite(progress.remaining_seconds):
         parts.append(f"{duration(progress.remaining_seconds)} left")
     return "  ".join(parts)

@@ -196,7 +196,7 @@ def _finish(
         Summary(
             event="done" if interrupt is None else "interrupted",
             samples=samples,
-            total=session.settings.spp,
+            total=session.settings.total_samples,
             seconds=seconds,
             mpaths_per_s=paths / seconds / 1e6 if seconds > 0 else 0.0,
             kind=session.device.kind,

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +26,33 @@ from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
 from .film import Film, level
 from .image import Image
 
+# Less time than this is none: a pass takes longer to begin.
+_LEAST_SECONDS = 1e-3
+
 
 @frozen
 class Progress:
-    """How far a render is: mean samples per pixel, samples wanted, seconds of rendering, paths traced."""
+    """How far a render is.
+
+    Attributes:
+        samples: mean samples per pixel.
+        total: samples wanted; None: no limit.
+        seconds: of rendering.
+        paths: traced so far.
+        time: seconds of rendering after which it stops; None: no limit.
+    """
 
     samples: float
-    total: int
+    total: int | None
     seconds: float
     paths: int
+    time: float | None = None
 
     @property
     def fraction(self) -> float:
-        """From 0 to 1."""
-        return min(1.0, self.samples / self.total)
+        """From 0 to 1: by samples or by time, whichever will stop the render first."""
+        shares = [done / wanted for done, wanted in ((self.samples, self.total), (self.seconds, self.time)) if wanted]
+        return min(1.0, max(shares, default=0.0))
 
     @property
     def remaining_seconds(self) -> float:
@@ -178,14 +194,46 @@ class Session:
     def __iter__(self) -> Iterator[Progress]:
         """Render, and report several times a second; leaving the loop at any time leaves the film valid."""
         try:
-            while (done := int(self.film.counts.min())) < self.settings.spp:
-                last = min(self.settings.spp, self.device.next_stop(done, self.width * self.height))
+            while (last := self._next_stop()) is not None:
                 yield from self._render_pass(last)
         finally:
             self._keep()
 
+    def _next_stop(self) -> int | None:
+        """Up to how many samples per pixel the next pass goes; None where the render is at its end."""
+        done, limit = int(self.film.counts.min()), self.settings.sample_limit
+        if done >= limit or (done and self._seconds_left < _LEAST_SECONDS):
+            return None
+        if not done and self.settings.time is not None:
+            # However short the time, every pixel gets a sample.
+            return 1
+        return min(limit, self.device.next_stop(done, self.width * self.height))
+
+    @property
+    def _seconds_left(self) -> float:
+        return math.inf if self.settings.time is None else self.settings.time - self.render_seconds
+
+    @contextmanager
+    def _stopped_in_time(self) -> Iterator[None]:
+        """End the pass of the block when the time is up, unless some pixels have no sample before it."""
+        if math.isinf(self._seconds_left) or not self.film.counts.min():
+            yield
+            return
+        timer = threading.Timer(self._seconds_left, self.device.cancel)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
     def _render_pass(self, last: int) -> Iterator[Progress]:
-        """Bring every pixel up to `last` samples; only the time spent here counts as rendering."""
+        """Bring every pixel up to `last` samples, or end when the time is up; only what is spent here counts."""
+        with self._stopped_in_time():
+            yield from self._render_to(last)
+
+    def _render_to(self, last: int) -> Iterator[Progress]:
+        """Bring every pixel up to `last` samples."""
         self._work = work = self.device.render(self._packed, self._view, self.film.arrays, last)
         start = time.perf_counter()
         try:
@@ -279,7 +327,8 @@ class Session:
     def progress(self) -> Progress:
         """How far the render is."""
         paths = int(self.film.counts.sum(dtype="int64"))
-        return Progress(self.film.samples, self.settings.spp, self.render_seconds, paths)
+        total, time_limit = self.settings.total_samples, self.settings.time
+        return Progress(self.film.samples, total, self.render_seconds, paths, time_limit)
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Image:
         """Render everything that is left, calling `progress` after each pass."""
