@@ -22,6 +22,7 @@ class Progress:
     seconds: float
     paths: int
     time: float | None = None
+    noise: float | None = None
 
     @property
     def fraction(self):
@@ -82,7 +83,10 @@ class Session:
 
     def image(self):
         pixels = np.full((self.height, self.width, 3), 0.5, np.float32)
-        return Image(pixels, {"samples": float(self.samples), "seconds": self.samples * 0.25})
+        facts = {"samples": float(self.samples), "seconds": self.samples * 0.25}
+        if self.settings.noise is not None:
+            facts |= {"fewest_samples": 32, "most_samples": 96, "noise": 0.9 * self.settings.noise}
+        return Image(pixels, facts)
 
 
 def as_module():

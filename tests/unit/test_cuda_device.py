@@ -11,6 +11,7 @@ from lumipath.devices import open_device
 from lumipath.devices.cuda import device as module
 from lumipath.devices.cuda.device import CudaDevice, joint_name, slice_samples
 from lumipath.devices.cuda.work import item_count
+from lumipath.devices.device import goals_of
 from lumipath.errors import DeviceError, UsageError
 from lumipath.pack.scene import pack_view
 from lumipath.rendering.film import Film
@@ -39,6 +40,9 @@ class HostArray(np.ndarray):
     def download(self, target):
         target[...] = self
 
+    def upload(self, source):
+        self[...] = source
+
     @staticmethod
     def zeros(shape, dtype):
         return np.zeros(shape, dtype).view(HostArray)
@@ -59,6 +63,10 @@ class Scheduler:
         self.launches.append((first, last))
         self.during()
         film.total[...] += last - first
+        if film.goals.size:
+            # As the kernels do: tiles whose goal is reached take no part.
+            film.total[goals_of(film, 1 << 30) <= first] -= last - first
+            film.squares[...] = film.total[..., 0]
         return 0
 
 
@@ -114,6 +122,36 @@ def test_a_later_pass_adds_to_the_sums_of_the_film(device):
     list(render(device, film, 12))
     device.download(film.arrays)
     assert (film.total == 12).all()
+
+
+def test_tiles_that_have_reached_their_goal_stay_as_they_are(device):
+    film = Film(40, 20, adaptive=True)
+    film.goals[...] = [[64, 32, 64], [32, 32, 64]]
+    list(render(device, film, 20))
+    assert (film.counts == 20).all()
+    list(render(device, film, 32))
+    assert (film.counts == 32).all()
+    list(render(device, film, 50))
+    np.testing.assert_array_equal(film.counts[::16, ::16], [[50, 32, 50], [32, 32, 50]])
+    # A tile that goes on later, while others are ahead.
+    film.goals[1, 0] = 48
+    list(render(device, film, 1 << 30))
+    device.download(film.arrays)
+    np.testing.assert_array_equal(film.counts, goals_of(film.arrays, 1 << 30))
+    np.testing.assert_array_equal(film.total[..., 0], film.counts)
+    np.testing.assert_array_equal(film.squares, film.counts)
+    list(render(device, film, 1 << 30))
+    assert (film.counts.max(), film.counts.min()) == (64, 32)
+
+
+def test_goals_of_all_kinds_in_one_pass(device):
+    film = Film(40, 20, adaptive=True)
+    film.goals[...] = [[64, 33, 64], [7, 48, 1]]
+    list(render(device, film, 1 << 30))
+    device.download(film.arrays)
+    np.testing.assert_array_equal(film.counts, goals_of(film.arrays, 1 << 30))
+    np.testing.assert_array_equal(film.total[..., 0], film.counts)
+    np.testing.assert_array_equal(film.squares, film.counts)
 
 
 def test_a_film_without_any_pass_stays_as_it_is(device):

@@ -202,6 +202,9 @@ def _finish(
             kind=session.device.kind,
             device=session.device.name,
             output=str(target),
+            fewest_samples=image.metadata.get("fewest_samples"),
+            most_samples=image.metadata.get("most_samples"),
+            noise=image.metadata.get("noise"),
         )
     )
     if interrupt is not None:

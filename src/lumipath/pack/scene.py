@@ -120,6 +120,7 @@ _INTEGRATORS = {
 def settings_features(settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the settings."""
     mask = _INTEGRATORS[settings.integrator]
+    mask |= layout.ADAPTIVE if settings.noise is not None else 0
     mask |= layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
     aperture = camera.aperture if settings.aperture is None else settings.aperture
     blades = camera.blades if settings.blades is None else settings.blades

@@ -16,7 +16,7 @@ from attrs import frozen
 
 from ..devices import open_device, warn_of_fallback
 from ..devices.device import Device
-from ..errors import DeviceError, LumipathError, LumipathWarning, UsageError
+from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
 from ..pack import layout
 from ..pack.scene import Packed, pack_scene, pack_view, settings_features
@@ -25,6 +25,7 @@ from ..settings import RenderSettings
 from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
 from .film import Film, level
 from .image import Image
+from .noise import begin_goals, needed_samples, raise_goals, tile_errors
 
 # Less time than this is none: a pass takes longer to begin.
 _LEAST_SECONDS = 1e-3
@@ -40,6 +41,8 @@ class Progress:
         seconds: of rendering.
         paths: traced so far.
         time: seconds of rendering after which it stops; None: no limit.
+        noise: the largest estimated error of a tile when that was last looked at; None: not yet, or nobody asks.
+        needed: about how many samples per pixel it will take until the noise is low enough; None as for `noise`.
     """
 
     samples: float
@@ -47,11 +50,14 @@ class Progress:
     seconds: float
     paths: int
     time: float | None = None
+    noise: float | None = None
+    needed: float | None = None
 
     @property
     def fraction(self) -> float:
-        """From 0 to 1: by samples or by time, whichever will stop the render first."""
-        shares = [done / wanted for done, wanted in ((self.samples, self.total), (self.seconds, self.time)) if wanted]
+        """From 0 to 1: by samples, time or noise, whichever will stop the render first."""
+        limits = ((self.samples, self.total), (self.seconds, self.time), (self.samples, self.needed))
+        shares = [done / wanted for done, wanted in limits if wanted]
         return min(1.0, max(shares, default=0.0))
 
     @property
@@ -112,7 +118,8 @@ class Session:
         camera = scene.camera(self.settings.camera)
         self._view = pack_view(camera, self.settings)
         self._identity = Identity.of(scene, self.settings)
-        self.film = Film(int(self._view.film_width), int(self._view.film_height))
+        adaptive = self.settings.noise is not None
+        self.film = Film(int(self._view.film_width), int(self._view.film_height), adaptive)
         self._file, found = self._open_checkpoint(checkpoint, resume)
         self.device: Device = open_device(device, self.settings.threads, self.settings.kernel)
         try:
@@ -126,6 +133,8 @@ class Session:
         self.render_seconds = 0.0
         self.resumed = 0.0
         self._warned = False
+        # What the last look at the noise found: the worst tile, and the samples that will be needed.
+        self._estimate: tuple[float, float] | None = None
         self._work: Generator[int, None, None] | None = None
         if found is not None:
             self._take(found)
@@ -179,6 +188,10 @@ class Session:
         found = Checkpoint.load(path)
         found.require_same(self._identity, path, "this render")
         found.require_start(self.settings.seed, self.settings.first_sample, path)
+        if self.settings.noise is not None and not found.film.is_adaptive:
+            raise CheckpointError(
+                f"{path} was rendered without noise, and cannot be gone on with it; leave it away, or begin anew"
+            )
         return found
 
     @property
@@ -201,13 +214,28 @@ class Session:
 
     def _next_stop(self) -> int | None:
         """Up to how many samples per pixel the next pass goes; None where the render is at its end."""
-        done, limit = int(self.film.counts.min()), self.settings.sample_limit
-        if done >= limit or (done and self._seconds_left < _LEAST_SECONDS):
-            return None
-        if not done and self.settings.time is not None:
+        limit = self.settings.sample_limit
+        if self.film.is_adaptive and not self.film.goals.max():
+            begin_goals(self.film, limit)
+        if not self.film.counts.min() and self.settings.time is not None:
             # However short the time, every pixel gets a sample.
             return 1
-        return min(limit, self.device.next_stop(done, self.width * self.height))
+        if self._seconds_left < _LEAST_SECONDS:
+            return None
+        done = self.film.fewest(limit)
+        if done is None and self._raise_goals(limit):
+            done = self.film.fewest(limit)
+        return None if done is None else min(limit, self.device.next_stop(done, self.width * self.height))
+
+    def _raise_goals(self, limit: int) -> bool:
+        """Look at the noise of a film whose goals are reached; whether some tiles have higher goals now."""
+        noise = self.settings.noise
+        if noise is None:
+            return False
+        self.device.download(self.film.arrays)
+        errors = tile_errors(self.film)
+        self._estimate = float(errors.max()), needed_samples(self.film, errors, noise, limit)
+        return raise_goals(self.film, errors, noise, limit)
 
     @property
     def _seconds_left(self) -> float:
@@ -293,8 +321,11 @@ class Session:
     def _take(self, found: Checkpoint) -> None:
         self.device.clear()
         for array, kept in zip(self.film.arrays, found.film.arrays):
-            array[...] = kept
+            # Squares that nobody will go on with are left out.
+            if array.size:
+                array[...] = kept
         self.film.rejected = found.film.rejected
+        self._estimate = None
         self.render_seconds = found.seconds
         if self.device.even_counts:
             level(self.film, self._render_apart)
@@ -313,6 +344,7 @@ class Session:
         self.settings = attrs.evolve(self.settings, seed=seed)
         self._view = self._view._replace(seed=u32(seed))
         self.film.clear()
+        self._estimate = None
         self.device.clear()
         self.render_seconds = 0.0
         self.resumed = 0.0
@@ -328,7 +360,8 @@ class Session:
         """How far the render is."""
         paths = int(self.film.counts.sum(dtype="int64"))
         total, time_limit = self.settings.total_samples, self.settings.time
-        return Progress(self.film.samples, total, self.render_seconds, paths, time_limit)
+        noise, needed = self._estimate or (None, None)
+        return Progress(self.film.samples, total, self.render_seconds, paths, time_limit, noise, needed)
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Image:
         """Render everything that is left, calling `progress` after each pass."""

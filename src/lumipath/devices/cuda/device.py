@@ -16,9 +16,9 @@ from ...accel.build import build_tree
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
 from ...errors import DeviceError
 from ...lang import Features
-from ...pack.layout import PIXEL_INTEGRATORS, WIDE_TREE, FilmArrays, PackedScene, View
+from ...pack.layout import PIXEL_INTEGRATORS, TILE, WIDE_TREE, FilmArrays, PackedScene, View
 from ...pack.scene import Packed
-from ..device import DeviceInfo
+from ..device import DeviceInfo, goals_of
 from ..interrupts import deferred_interrupts
 from .driver import DeviceArray, Gpu, device_count
 from .schedulers import Megakernel, Scheduler, Wavefront
@@ -59,6 +59,7 @@ class Worker:
             self._film = FilmArrays(*(DeviceArray.zeros(array.shape, array.dtype) for array in film))
         elif self._film is None:
             self._film = to_device(film)
+        self._film.goals.upload(film.goals)
         self.gpu.synchronize()
 
     def run(self, first: int, last: int, pixels: int) -> int:
@@ -75,14 +76,14 @@ class Worker:
         """Whether there is anything to add to the sums of others."""
         return self._film is not None
 
-    def add_to(self, total: NDArray[np.float64]) -> None:
+    def add_to(self, total: NDArray[np.float64], squares: NDArray[np.float64]) -> None:
         """Add these sums to those of others."""
         if self._film is not None:
             self.gpu.open()
-            for array in (self._film.total, self._film.lost):
+            for array, sums in ((self._film.total, total), (self._film.lost, total), (self._film.squares, squares)):
                 host = np.empty(array.shape, array.dtype)
                 array.download(host)
-                total += host
+                sums += host
 
     def clear(self) -> None:
         """Forget the sums."""
@@ -105,7 +106,6 @@ class CudaDevice:
 
     kind = "cuda"
     even_counts = True
-    even_counts = True
 
     def __init__(self, index: int | None = 0, kernel: str = "auto") -> None:
         gpus = [Gpu(number) for number in (range(device_count()) if index is None else (index,))]
@@ -121,6 +121,8 @@ class CudaDevice:
         self._stack = _STACK
         self._scenes: dict[int, PackedScene] = {}
         self._cancelled = False
+        # Pixels that the pass adds to.
+        self._growing: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPUs."""
@@ -152,12 +154,23 @@ class CudaDevice:
 
         A contribution that is not finite is left out and counted; the rest of its sample stays.
         """
-        first = int(film.counts[0, 0])
+        wanted = goals_of(film, last)
+        self._cancelled = False
+        # Tiles with equal counts go together, up to the first goal among them; unless adaptive, that is the whole film.
+        while (lacking := film.counts < wanted).any() and not self._cancelled:
+            first = film.counts[lacking].min()
+            self._growing = lacking & (film.counts == first)
+            taking_part = film.counts[::TILE, ::TILE] == first if film.goals.size else np.zeros_like(film.goals, bool)
+            goals = np.where(taking_part, film.goals, 0).astype(film.goals.dtype)
+            stop = wanted[self._growing].min()
+            yield from self._render_growing(view, film._replace(goals=goals), int(first), int(stop))
+
+    def _render_growing(self, view: View, film: FilmArrays, first: int, last: int) -> Generator[int, None, None]:
+        """Add the samples first .. last - 1 to the pixels of `_growing`; the goals of their tiles are no lower."""
         offset = int(view.first_sample)
         pixels = int(view.film_width) * int(view.film_height)
         for worker in self._workers:
-            worker.begin(view, film, empty=first == 0 or worker is not self._workers[0])
-        self._cancelled = False
+            worker.begin(view, film, empty=not film.counts.any() or worker is not self._workers[0])
         try:
             while self._running or (first < last and not self._cancelled):
                 with deferred_interrupts():
@@ -188,7 +201,7 @@ class CudaDevice:
             for item in slices:
                 _, samples = self._running.pop(item)
                 rejected += item.result()
-                film.counts[...] += np.uint32(samples)
+                np.add(film.counts, np.uint32(samples), out=film.counts, where=self._growing)
         return rejected
 
     def cancel(self) -> None:
@@ -199,11 +212,12 @@ class CudaDevice:
         """Bring the sums of all workers to the host."""
         if not any(worker.has_sums for worker in self._workers):
             return
-        total = np.zeros(film.total.shape, np.float64)
+        total, squares = np.zeros(film.total.shape, np.float64), np.zeros(film.squares.shape, np.float64)
         for worker in self._workers:
-            worker.add_to(total)
+            worker.add_to(total, squares)
         film.total[...] = total
         film.lost[...] = total - film.total
+        film.squares[...] = squares
 
     def clear(self) -> None:
         """Forget the sums on the GPUs."""
