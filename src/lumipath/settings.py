@@ -30,8 +30,10 @@ PROGRESS_MODES = ("auto", "bar", "json", "none")
 
 MAX_PIXELS = 1 << 28
 MAX_SIDE = 1 << 16
+MAX_SPP = 1 << 30
+_USUAL_SPP = 64
 
-NOT_IN_SAMPLES = ("spp", "aov", "exposure", "tonemap", "threads", "kernel", "checkpoint_interval")
+NOT_IN_SAMPLES = ("spp", "time", "noise", "aov", "exposure", "tonemap", "threads", "kernel", "checkpoint_interval")
 """Settings that no sample depends on: renders that differ only in these go on from one another and add up."""
 
 
@@ -123,9 +125,19 @@ class RenderSettings:
         UsageError: a value is outside its range; the message names the field.
     """
 
-    spp: int = _option(64, "Samples per pixel.", _integer(1, 1 << 30))
+    spp: int | None = _option(
+        None,
+        "Samples per pixel at most; 64 by default, and no limit where time or noise is given.",
+        _optional(_integer(1, MAX_SPP)),
+    )
     max_depth: int = _option(
         12, "Scattering events per path; 0 shows emission only (Mitsuba's max_depth is one more).", _integer(0, 1 << 16)
+    )
+    time: float | None = _option(None, "Stop after so much rendering.", _optional(_real(1e-3, 1e9)), "seconds")
+    noise: float | None = _option(
+        None,
+        "Stop when the estimated relative error is below this everywhere; samples go where it is not.",
+        _optional(_real(1e-3, 1.0)),
     )
     width: int = _option(512, "Image width; the height follows from the camera.", _integer(1, MAX_SIDE), "pixels")
     height: int | None = _option(None, "Image height.", _optional(_integer(1, MAX_SIDE)), "pixels")
@@ -204,6 +216,20 @@ class RenderSettings:
     def __attrs_post_init__(self) -> None:
         if self.focus is not None and self.focus_on is not None:
             raise UsageError(f"focus is {self.focus:g} and focus_on is {self.focus_on}: give one of them")
+        if self.noise is not None and self.kernel == "wavefront":
+            raise UsageError("noise needs whole paths in one kernel: leave kernel away, or make it megakernel")
+
+    @property
+    def total_samples(self) -> int | None:
+        """Samples per pixel at most: `spp`, or what stands for it where it is not given; None: no limit."""
+        if self.spp is not None:
+            return self.spp
+        return _USUAL_SPP if self.time is None and self.noise is None else None
+
+    @property
+    def sample_limit(self) -> int:
+        """Samples per pixel at most, as a number."""
+        return self.total_samples or MAX_SPP
 
     def size(self, aspect: float) -> tuple[int, int]:
         """Width and height in pixels of the full image for a camera of this aspect ratio (width / height)."""

@@ -19,13 +19,15 @@ from lumipath.settings import RenderSettings
 @attrs.frozen
 class Progress:
     samples: float
-    total: int
+    total: int | None
     seconds: float
     paths: int
+    time: float | None = None
+    noise: float | None = None
 
     @property
     def fraction(self):
-        return self.samples / self.total
+        return self.samples / self.total if self.total else self.seconds / self.time
 
     @property
     def remaining_seconds(self):
@@ -62,7 +64,8 @@ class Session:
 
     def __iter__(self):
         fault = os.environ.get("FAKE_FAULT")
-        while self.samples < self.settings.spp:
+        time_limit = self.settings.time or float("inf")
+        while self.samples < self.settings.sample_limit and self.samples * 0.25 < time_limit:
             self.samples += 1
             if fault == "error" and self.samples > 1:
                 raise ZeroDivisionError("a bug\nof two lines")
@@ -76,14 +79,18 @@ class Session:
             if fault == "interrupt-first":
                 self.samples = 0
                 signal.raise_signal(signal.SIGINT)
-            yield Progress(self.samples, self.settings.spp, self.samples * 0.25, self.samples * 1_000_000)
+            total = self.settings.total_samples
+            yield Progress(self.samples, total, self.samples * 0.25, self.samples * 1_000_000, self.settings.time)
 
     def image(self):
         pixels = np.full((self.height, self.width, 3), 0.5, np.float32)
+        facts = {"samples": float(self.samples), "seconds": self.samples * 0.25}
+        if self.settings.noise is not None:
+            facts |= {"fewest_samples": 32, "most_samples": 96, "noise": 0.9 * self.settings.noise}
         layers = {
             name: np.full((self.height, self.width, len(REGISTRY[name].channels)), 0.5) for name in self.settings.aov
         }
-        return Image(pixels, {"samples": float(self.samples), "seconds": self.samples * 0.25}, layers)
+        return Image(pixels, facts, layers)
 
 
 def as_module():

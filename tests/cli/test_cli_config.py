@@ -146,7 +146,7 @@ class TestErrors:
             ({"supersamples": "many"}, "supersamples is 'many': it must be a whole number"),
             ({"spp": "64"}, "spp is '64': it must be a whole number"),
             ({"spp": 1.5}, "spp is 1.5"),
-            ({"spp": None}, "spp is None"),
+            ({"width": None}, "width is None"),
             ({"spp": True}, "spp is True"),
             ({"size": [64]}, "size is (64,)"),
             ({"threads": 0}, "threads is 0"),

@@ -4,7 +4,7 @@ import json
 import pytest
 from fake_session import Progress
 
-from lumipath.cli._progress import BarReporter, JsonReporter, LineReporter, Summary, duration, make_reporter
+from lumipath.cli._progress import BarReporter, JsonReporter, LineReporter, Summary, describe, duration, make_reporter
 
 HALF = Progress(32, 64, 4.0, 10_000_000)
 
@@ -21,6 +21,19 @@ def test_lines_are_two_seconds_apart():
     for _ in range(5):
         reporter.update(HALF)
     assert stream.getvalue().splitlines() == [" 50.0 %  32/64 spp  2.5 Mpaths/s  4 s left"] * 2
+
+
+def test_time_is_shown_where_it_is_limited():
+    assert describe(Progress(32, None, 4.0, 10_000_000, 16.0)) == "32 spp  4/16 s  2.5 Mpaths/s  12 s left"
+
+
+def test_noise_is_shown_where_it_is_known():
+    assert describe(Progress(32, 64, 4.0, 10_000_000, noise=0.1234)) == "32/64 spp  noise 0.12  2.5 Mpaths/s  4 s left"
+
+
+def test_the_summary_says_what_pixels_have():
+    summary = Summary("done", 187.25, None, 3.0, 2.0, "cpu", "Fake", "a.png", 32, 768, 0.0498)
+    assert summary.line() == "187.2 spp (32 to 768), noise 0.05 in 3.00 s, 2 Mpaths/s on cpu (Fake): wrote a.png"
 
 
 def test_json_has_no_infinity():

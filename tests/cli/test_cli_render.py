@@ -214,6 +214,30 @@ class TestScene:
         assert err == "lumipath: error: unknown device 'cuda': use auto or cpu\n"
 
 
+class TestTimeAndNoise:
+    def test_time_alone_is_no_matter_of_samples(self, lumipath, fake):
+        _, _, err = lumipath("render", "-w", 4, "--time", 25)
+        assert fake[0].settings == RenderSettings(width=4, time=25.0)
+        assert err.startswith("lumipath: 100 spp in 25.00 s")
+
+    def test_noise_reaches_the_session_and_the_last_line(self, lumipath, fake):
+        _, _, err = lumipath("render", "-w", 4, "--noise", 0.05, "-s", 64)
+        assert fake[0].settings == RenderSettings(width=4, noise=0.05, spp=64)
+        assert err.startswith("lumipath: 64 spp (32 to 96), noise 0.045 in 16.00 s")
+
+    def test_noise_is_not_for_the_wavefront(self, lumipath, fake):
+        code, _, err = lumipath("render", "-w", 4, "--noise", 0.05, "--kernel", "wavefront")
+        assert (code, fake) == (2, [])
+        assert err == (
+            "lumipath: error: noise needs whole paths in one kernel: leave kernel away, or make it megakernel\n"
+        )
+
+    def test_json_has_both_limits(self, lumipath, fake):
+        _, _, err = lumipath("render", "-w", 4, "--time", 1, "--progress", "json")
+        first = json.loads(err.splitlines()[0])
+        assert (first["total"], first["time"], first["fraction"]) == (None, 1.0, 0.25)
+
+
 class TestCheckpoint:
     def test_reaches_the_session(self, lumipath, fake, tmp_path):
         assert lumipath("render", "-w", 4, "--checkpoint", "a.ckpt", "--checkpoint-interval", 5)[0] == 0

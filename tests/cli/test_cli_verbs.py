@@ -46,7 +46,9 @@ class TestTop:
 
     def test_render_help_comes_from_the_settings(self, lumipath):
         out = " ".join(lumipath("render", "--help")[1].split())
-        assert "-s, --spp N Samples per pixel. [default 64]" in out
+        assert "-s, --spp N Samples per pixel at most; 64 by default" in out
+        assert "-r, --max-depth N Scattering events per path;" in out
+        assert "[default 12]" in out
         assert "--sampler sobol|independent Random numbers. [default sobol]" in out
         assert "--rr-depth N|off" in out
 

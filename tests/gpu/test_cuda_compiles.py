@@ -62,6 +62,15 @@ def test_the_megakernel_for_tiny_scenes_does_not_spill():
     assert resources(made.report) == (64, 4 * STACK)
 
 
+@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
+def test_squares_and_goals_cost_no_registers(wide):
+    adaptive = compile_megakernel(arguments("bench-cornell", wide=wide, noise=0.1), (9, 0), STACK)
+    usual = compile_megakernel(arguments("bench-cornell", wide=wide), (9, 0), STACK)
+    assert adaptive.cubin != usual.cubin
+    assert resources(adaptive.report)[0] <= resources(usual.report)[0]
+    assert resources(adaptive.report)[1] <= 4 * STACK + 96
+
+
 def test_all_materials_and_primitives_compile_within_bounds():
     made = compile_megakernel(arguments("primitives", wide=True), (9, 0), STACK)
     registers, stack = resources(made.report)
@@ -97,6 +106,19 @@ def test_whitted_ray_tracing_compiles_within_bounds(capability):
     assert registers <= 168
     # One traversal stack for rays of both kinds, and 32 waiting rays of 11 numbers.
     assert stack == 4 * STACK + 32 * 11 * 4
+
+
+def test_adaptive_kernels_compute_in_single_precision_and_call_nothing():
+    from lumipath.devices.cuda.megakernel import make_vote
+    from lumipath.devices.cuda.pixels import make_pixels
+
+    kernels = ((make_vote(STACK, 8, 8, 2, adaptive=True), "path"), (make_pixels(STACK), "ao"))
+    for kernel, integrator in kernels:
+        signature = arguments("primitives", wide=True, noise=0.1, integrator=integrator)
+        ptx = compile_ptx(kernel, (*signature, WORK_TYPE), (9, 0))
+        body = ptx[ptx.index(".entry") :]
+        assert not re.search(r"\.f64\s", body)
+        assert not re.search(r"\bcall(\.uni)?\b", body)
 
 
 @pytest.mark.parametrize("integrator", [*LOOKS, "whitted"])

@@ -49,11 +49,13 @@ def eager(monkeypatch):
     monkeypatch.setattr(cpu, "_LOOK_SECONDS", 0.0005)
 
 
-@pytest.mark.parametrize("stops", [1, 2, 3, 5])
-def test_a_stopped_render_goes_on_to_the_same_bits(scene, straight, tmp_path, eager, stops):
-    path = tmp_path / "a.ckpt"
+def render_in_pieces(scene, path, stops):
+    """A session that leaves its loop after so many steps and is resumed until it is done.
+
+    Returns the last session, and how often pixels had different numbers of samples when the loop was left.
+    """
     uneven = samples = 0
-    for _ in range(200):
+    while True:
         session = Session(scene, checkpoint=path, resume=True, **SETTINGS)
         assert session.resumed == samples
         for number, _ in enumerate(session, 1):
@@ -63,10 +65,19 @@ def test_a_stopped_render_goes_on_to_the_same_bits(scene, straight, tmp_path, ea
         samples = session.film.samples
         assert bits(Checkpoint.load(path).film) == bits(session.film)
         if samples == SETTINGS["spp"]:
-            break
-    assert uneven, "no pass was left in its middle: the test shows nothing"
-    assert bits(session.film) == bits(straight.film)
-    np.testing.assert_array_equal(session.image().pixels, straight.image().pixels)
+            return session, uneven
+
+
+@pytest.mark.parametrize("stops", [1, 2, 3, 5])
+def test_a_stopped_render_goes_on_to_the_same_bits(scene, straight, tmp_path, eager, stops):
+    # On a busy machine all tiles may be done whenever the loop is left.
+    for attempt in range(30):
+        session, uneven = render_in_pieces(scene, tmp_path / f"{attempt}.ckpt", stops)
+        assert bits(session.film) == bits(straight.film)
+        np.testing.assert_array_equal(session.image().pixels, straight.image().pixels)
+        if uneven:
+            return
+    pytest.fail("no pass was left in its middle: the test shows nothing")
 
 
 def test_ctrl_c_writes_the_checkpoint(scene, straight, tmp_path, eager):

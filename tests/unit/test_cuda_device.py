@@ -14,6 +14,7 @@ from lumipath.devices.cuda import layers as layers_module
 from lumipath.devices.cuda.device import CudaDevice, joint_name, slice_samples
 from lumipath.devices.cuda.driver import OutOfMemoryError
 from lumipath.devices.cuda.work import item_count
+from lumipath.devices.device import goals_of
 from lumipath.errors import DeviceError, UsageError
 from lumipath.pack.scene import pack_scene, pack_view
 from lumipath.rendering.film import Film
@@ -86,6 +87,12 @@ class Scheduler:
         self.scenes.append(scene)
         self.during()
         film.total[-int(view.film_height) :] += last - first
+        if film.goals.size:
+            rows = slice(-int(view.film_height), None)
+            # As the kernels do: tiles whose goal is reached take no part.
+            host = film._replace(counts=np.zeros(film.total[rows].shape[:2], np.uint32))
+            film.total[rows][goals_of(host, 1 << 30) <= first] -= last - first
+            film.squares[rows] = film.total[rows][..., 0]
         return 0
 
 
@@ -152,6 +159,36 @@ def test_what_changed_in_a_scene_is_brought_to_the_gpus(device):
     first, second = device._workers[0]._scheduler.scenes
     assert first.lights is before
     np.testing.assert_array_equal(second.lights, 1)
+
+
+def test_tiles_that_have_reached_their_goal_stay_as_they_are(device):
+    film = Film(40, 20, adaptive=True)
+    film.goals[...] = [[64, 32, 64], [32, 32, 64]]
+    list(render(device, film, 20))
+    assert (film.counts == 20).all()
+    list(render(device, film, 32))
+    assert (film.counts == 32).all()
+    list(render(device, film, 50))
+    np.testing.assert_array_equal(film.counts[::16, ::16], [[50, 32, 50], [32, 32, 50]])
+    # A tile that goes on later, while others are ahead.
+    film.goals[1, 0] = 48
+    list(render(device, film, 1 << 30))
+    device.download(film.arrays)
+    np.testing.assert_array_equal(film.counts, goals_of(film.arrays, 1 << 30))
+    np.testing.assert_array_equal(film.total[..., 0], film.counts)
+    np.testing.assert_array_equal(film.squares, film.counts)
+    list(render(device, film, 1 << 30))
+    assert (film.counts.max(), film.counts.min()) == (64, 32)
+
+
+def test_goals_of_all_kinds_in_one_pass(device):
+    film = Film(40, 20, adaptive=True)
+    film.goals[...] = [[64, 33, 64], [7, 48, 1]]
+    list(render(device, film, 1 << 30))
+    device.download(film.arrays)
+    np.testing.assert_array_equal(film.counts, goals_of(film.arrays, 1 << 30))
+    np.testing.assert_array_equal(film.total[..., 0], film.counts)
+    np.testing.assert_array_equal(film.squares, film.counts)
 
 
 def test_a_film_without_any_pass_stays_as_it_is(device):
@@ -227,8 +264,8 @@ def test_a_gpu_without_room_for_two_sums_goes_on_with_one(device, monkeypatch):
 
     def zeros(shape, dtype):
         made.append(shape)
-        # Room for the two arrays of one worker of each GPU.
-        if len(made) > 2 * GPUS:
+        # Room for the three arrays of one worker of each GPU.
+        if len(made) > 3 * GPUS:
             raise OutOfMemoryError("no room")
         return np.zeros(shape, dtype).view(HostArray)
 

@@ -81,6 +81,14 @@ class TestMemory:
         film = Film(10, 10)
         assert sum(array.nbytes for array in film.arrays) + film.mean().nbytes == 100 * BYTES_PER_PIXEL
 
+    def test_bytes_of_a_pixel_of_an_adaptive_film(self, monkeypatch):
+        sizes = {adaptive: sum(array.nbytes for array in Film(160, 160, adaptive).arrays) for adaptive in (False, True)}
+        # A goal for each tile besides.
+        assert sizes[True] == sizes[False] + 160 * 160 * 4 + 10 * 10 * 4
+        monkeypatch.setattr(memory, "available_memory", lambda: 10_000)
+        with pytest.raises(UsageError, match=f"need {160 * 160 * (BYTES_PER_PIXEL + 4)} bytes"):
+            Film(160, 160, adaptive=True)
+
     def test_unknown_memory_refuses_nothing(self, monkeypatch):
         monkeypatch.setattr(memory, "available_memory", lambda: None)
         assert Film(4, 4).height == 4

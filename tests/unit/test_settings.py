@@ -2,11 +2,24 @@ import attrs
 import pytest
 
 from lumipath.errors import UsageError
-from lumipath.settings import MAX_SIDE, RenderSettings
+from lumipath.settings import MAX_SIDE, MAX_SPP, RenderSettings
 
 
 def test_defaults_are_valid():
-    assert RenderSettings().spp == 64
+    assert RenderSettings().sample_limit == RenderSettings().total_samples == 64
+
+
+def test_the_limit_of_samples_follows_what_else_stops_the_render():
+    assert RenderSettings(spp=7).total_samples == RenderSettings(spp=7, time=9.0).total_samples == 7
+    assert RenderSettings(time=9.0).total_samples is None
+    assert RenderSettings(time=9.0).sample_limit == MAX_SPP
+    assert RenderSettings(noise=0.1).total_samples is None
+    assert RenderSettings(noise=0.1, spp=7).total_samples == 7
+
+
+def test_noise_and_the_wavefront_exclude_each_other():
+    with pytest.raises(UsageError, match="noise needs whole paths in one kernel"):
+        RenderSettings(noise=0.1, kernel="wavefront")
 
 
 @pytest.mark.parametrize("attribute", attrs.fields(RenderSettings), ids=lambda attribute: attribute.name)
@@ -25,6 +38,10 @@ def test_every_field_says_what_it_means(attribute):
         ("spp", 1.5),
         ("spp", True),
         ("spp", "4"),
+        ("time", 0.0),
+        ("time", True),
+        ("noise", 0.0),
+        ("noise", 1.5),
         ("max_depth", -1),
         ("width", 0),
         ("width", MAX_SIDE + 1),

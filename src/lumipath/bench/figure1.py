@@ -139,7 +139,7 @@ def _time_render(
     session = Session(scene, settings, device=device)
     kind = session.device.kind
     limit = cpu_limit if kind == "cpu" else math.inf
-    label = f"{scene.name}, {settings.spp} spp, {kind}"
+    label = f"{scene.name}, {settings.sample_limit} spp, {kind}"
     yield from (Running(label, progress) for progress in _passes(session, _WARM_UP_SECONDS))
     seconds: list[float] = []
     while True:
@@ -163,7 +163,7 @@ def _passes(session: Session, limit: float) -> Iterator[Progress]:
 
 def _timing(session: Session, samples: float, seconds: float) -> Timing:
     """The facts of a session that took so long for so many samples per pixel."""
-    share = samples / session.settings.spp
+    share = samples / session.settings.sample_limit
     return Timing(
         kind=session.device.kind,
         name=session.device.name,

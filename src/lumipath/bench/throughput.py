@@ -69,7 +69,7 @@ def measure(
     for seed in range(settings.seed, settings.seed + repeat):
         session.restart(seed)
         seconds = _render_all(session)
-        speeds.append(session.width * session.height * settings.spp / seconds / 1e6)
+        speeds.append(session.width * session.height * settings.sample_limit / seconds / 1e6)
         means.append(session.image().pixels.mean(axis=(0, 1), dtype="float64"))
     return Throughput(
         mpaths_per_s=speeds,

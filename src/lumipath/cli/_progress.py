@@ -29,20 +29,28 @@ class Summary:
     event: str
     """`done` or `interrupted`."""
     samples: float
-    total: int
+    total: int | None
+    """Samples wanted; None: no limit."""
     seconds: float
     mpaths_per_s: float
     kind: str
     device: str
     output: str
+    fewest_samples: int | None = None
+    """Of a pixel, where pixels differ."""
+    most_samples: int | None = None
+    noise: float | None = None
+    """Largest estimated error of a tile, where anybody asked."""
 
     def line(self) -> str:
         """The one line that ends a render."""
-        of_total = f" of {self.total}" if self.event == "interrupted" else ""
+        of_total = f" of {self.total}" if self.event == "interrupted" and self.total else ""
         start = "interrupted: " if self.event == "interrupted" else ""
+        spread = f" ({self.fewest_samples} to {self.most_samples})" if self.most_samples is not None else ""
+        noise = f", noise {self.noise:.2g}" if self.noise is not None else ""
         return (
-            f"{start}{self.samples:.4g}{of_total} spp in {self.seconds:.2f} s, {self.mpaths_per_s:.3g} Mpaths/s "
-            f"on {self.kind} ({self.device}): wrote {self.output}"
+            f"{start}{self.samples:.4g}{of_total} spp{spread}{noise} in {self.seconds:.2f} s, "
+            f"{self.mpaths_per_s:.3g} Mpaths/s on {self.kind} ({self.device}): wrote {self.output}"
         )
 
 
@@ -116,6 +124,8 @@ class JsonReporter(Reporter):
             seconds=progress.seconds,
             remaining_seconds=progress.remaining_seconds,
             mpaths_per_s=progress.mpaths_per_s,
+            time=progress.time,
+            noise=progress.noise,
         )
 
     def summary(self, summary: Summary) -> None:
@@ -174,8 +184,13 @@ def make_reporter(mode: str, quiet: bool = False, stream: TextIO | None = None) 
 
 
 def describe(progress: Progress) -> str:
-    """Samples, speed and remaining time of a running render."""
-    parts = [f"{progress.samples:.4g}/{progress.total} spp", f"{progress.mpaths_per_s:.3g} Mpaths/s"]
+    """Samples, time, noise, speed and remaining time of a running render."""
+    parts = [f"{progress.samples:.4g}{f'/{progress.total}' if progress.total else ''} spp"]
+    if progress.time is not None:
+        parts.append(f"{progress.seconds:.0f}/{progress.time:g} s")
+    if progress.noise is not None:
+        parts.append(f"noise {progress.noise:.2g}")
+    parts.append(f"{progress.mpaths_per_s:.3g} Mpaths/s")
     if math.isfinite(progress.remaining_seconds):
         parts.append(f"{duration(progress.remaining_seconds)} left")
     return "  ".join(parts)

@@ -221,12 +221,15 @@ def _finish(
         Summary(
             event="done" if interrupt is None else "interrupted",
             samples=samples,
-            total=session.settings.spp,
+            total=session.settings.total_samples,
             seconds=seconds,
             mpaths_per_s=paths / seconds / 1e6 if seconds > 0 else 0.0,
             kind=session.device.kind,
             device=session.device.name,
             output=str(target),
+            fewest_samples=image.metadata.get("fewest_samples"),
+            most_samples=image.metadata.get("most_samples"),
+            noise=image.metadata.get("noise"),
         )
     )
     if interrupt is not None:

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from ..accel.packets import SORT_KEYS, Order, Rays, trace_rays
 from ..accel.trace8 import primitive_of
+from ..kernels.adaptive import add_square, goal_of, square_of
 from ..kernels.path import Path, shade, start_path
 from ..kernels.rays import Hit, Ray
 from ..kernels.sampler import Numbers, camera_numbers, direction_numbers
 from ..lang import INF, Vec3, aligned_empty, entry, fetch_add, i32, kernel, load, read_clock, store, u32
+from ..pack.layout import TILE
 
-TILE = i32(16)
 TILE_PIXELS = i32(256)
 BATCH = i32(4096)
 """Paths in flight in each thread; a multiple of TILE_PIXELS."""
@@ -232,7 +233,7 @@ def add_to_film(film, i, value):
 
 
 @kernel
-def develop(view, film, batch, column, row, columns, rows, samples):
+def develop(scene, view, film, batch, column, row, columns, rows, samples):
     """Add the batch to the film, sample by sample, so that the sum does not depend on how samples were batched.
 
     Returns how many samples were not finite and counted as black.
@@ -250,6 +251,7 @@ def develop(view, film, batch, column, row, columns, rows, samples):
                     add_to_film(film, place * 3, c.x)
                     add_to_film(film, place * 3 + 1, c.y)
                     add_to_film(film, place * 3 + 2, c.z)
+                    add_square(scene, film, place, square_of(scene, c))
                 else:
                     rejected += 1
             store(film.counts, place, u32(load(film.counts, place) + u32(samples)))
@@ -287,7 +289,7 @@ def render_tile(scene, view, film, batch, column, row, columns, rows, first, sam
             time = lap(batch.clock, 2, time)
             depth += i32(1)
         connecting = shadows > 0
-    rejected = develop(view, film, batch, column, row, columns, rows, samples)
+    rejected = develop(scene, view, film, batch, column, row, columns, rows, samples)
     lap(batch.clock, 4, time)
     return rejected
 
@@ -299,10 +301,10 @@ def render_tiles(scene, view, film, batch, control, last):
     Args:
         scene: PackedScene with a BVH8.
         view: View.
-        film: FilmArrays; each pixel gets the samples from its count up to `last`.
+        film: FilmArrays; each pixel gets the samples from its count up to `last`, or to the goal of its tile.
         batch: scratch of this thread.
         control: (4,) int64, shared by the threads.
-        last: number of samples that each pixel has afterwards.
+        last: number of samples that each pixel has afterwards, unless its tile has a lower goal.
     """
     across = (view.film_width + TILE - 1) // TILE
     down = (view.film_height + TILE - 1) // TILE
@@ -316,8 +318,9 @@ def render_tiles(scene, view, film, batch, control, last):
         rows = min(TILE, i32(view.film_height - y))
         room = i32(BATCH // (columns * rows))
         first = i32(load(film.counts, y * view.film_width + x))
-        while first < last:
-            samples = min(room, i32(last - first))
+        end = goal_of(scene, film, tile, last)
+        while first < end:
+            samples = min(room, i32(end - first))
             rejected = render_tile(
                 scene,
                 view,

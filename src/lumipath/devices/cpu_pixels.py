@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..accel.trace8 import trace_ray
+from ..kernels.adaptive import add_square, goal_of, square_of
 from ..kernels.integrators import estimate
 from ..kernels.layers import add_samples_of_layers
 from ..lang import INF, entry, fetch_add, i32, kernel, load, store, u32
@@ -22,9 +23,10 @@ def render_pixel(scene, view, film, column, row, place, last):
             add_to_film(film, place * 3, c.x)
             add_to_film(film, place * 3 + 1, c.y)
             add_to_film(film, place * 3 + 2, c.z)
+            add_square(scene, film, place, square_of(scene, c))
         else:
             rejected += 1
-    store(film.counts, place, u32(last))
+    store(film.counts, place, u32(max(first, last)))
     return rejected
 
 
@@ -44,10 +46,11 @@ def render_pixels(scene, view, film, batch, control, last):
     Args:
         scene: PackedScene with a BVH8.
         view: View.
-        film: FilmArrays, or LayerArrays for the layers; each pixel gets the samples from its count up to `last`.
+        film: FilmArrays, or LayerArrays for the layers; each pixel gets the samples from its count up to `last`, or to
+            the goal of its tile.
         batch: not used; `render_tiles` has the same parameters.
         control: (4,) int64, shared by the threads.
-        last: number of samples that each pixel has afterwards.
+        last: number of samples that each pixel has afterwards, unless its tile has a lower goal.
     """
     across = (view.film_width + TILE - 1) // TILE
     down = (view.film_height + TILE - 1) // TILE
@@ -57,6 +60,7 @@ def render_pixels(scene, view, film, batch, control, last):
             break
         x = i32(tile % across) * TILE
         y = i32(tile // across) * TILE
+        end = goal_of(scene, film, tile, last)
         for v in range(y, min(y + TILE, view.film_height)):
             for u in range(x, min(x + TILE, view.film_width)):
                 # A sample may be thousands of rays: a cancelled render does not wait for its tiles.
@@ -64,6 +68,6 @@ def render_pixels(scene, view, film, batch, control, last):
                     return
                 place = i32(v * view.film_width + u)
                 x_full, y_full = i32(view.left + u), i32(view.top + v)
-                rejected = render_pixel_or_layers(scene, view, film, x_full, y_full, place, last)
+                rejected = render_pixel_or_layers(scene, view, film, x_full, y_full, place, end)
                 fetch_add(control, REJECTED, rejected)
         fetch_add(control, FINISHED_TILES, 1)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, Protocol
 
+import numpy as np
 from attrs import field, frozen
+from numpy.typing import NDArray
 
-from ..pack.layout import FilmArrays, LayerArrays, PackedScene, View
+from ..pack.layout import TILE, FilmArrays, LayerArrays, PackedScene, View
 from ..pack.scene import Packed
 
 
@@ -27,7 +29,7 @@ class Device(Protocol):
     kind: str
     name: str
     even_counts: bool
-    """Whether a pass must find the same number of samples in every pixel."""
+    """Whether a pass must find the same number of samples in every pixel that it adds to."""
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and bring everything to where kernels read it."""
@@ -39,7 +41,7 @@ class Device(Protocol):
         """Up to how many samples per pixel the next pass should go after `done` of them."""
 
     def render(self, scene: PackedScene, view: View, film: FilmArrays, last: int) -> Generator[int, None, None]:
-        """Bring every pixel of the film up to `last` samples.
+        """Bring every pixel of the film up to `last` samples; one whose tile has a lower goal, up to that.
 
         Yields several times a second the number of samples that were not finite since the last time. Closing the
         iterator, or an exception in it, stops the work and leaves the film valid: every pixel with its count.
@@ -64,3 +66,12 @@ class Device(Protocol):
 
     def clear(self) -> None:
         """Forget sums that are not in the film's own arrays."""
+
+
+def goals_of(film: FilmArrays, last: int) -> NDArray[np.int64]:
+    """(H, W): how many samples each pixel has after a pass that goes up to `last`, if it has no more already."""
+    height, width = film.counts.shape
+    if not film.goals.size:
+        return np.full((height, width), last, np.int64)
+    of_pixels = film.goals.repeat(int(TILE), axis=0).repeat(int(TILE), axis=1)[:height, :width]
+    return np.minimum(of_pixels, last).astype(np.int64)

@@ -48,6 +48,12 @@ def max_abs_component(a):
 
 
 @kernel
+def luminance(c):
+    """The luminance of a linear Rec.709 colour, after ITU-R BT.709."""
+    return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z
+
+
+@kernel
 def black():
     """No light."""
     return Vec3(0, 0, 0)

@@ -42,6 +42,9 @@ OCCLUSION = 1 << 36
 # Not an integrator to choose: the pass that fills `LayerArrays`.
 LAYERS = 1 << 37
 
+# The film keeps squares of samples, and each tile of it has a goal of its own.
+ADAPTIVE = 1 << 40
+
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
@@ -155,15 +158,18 @@ class View(NamedTuple):
     ao_distance: f32  # metres; 0: follows from the scene's extent
 
 
+TILE = i32(16)
+"""Side of the squares of pixels of which each has a goal, and which CPU threads take one by one."""
+
+
 class FilmArrays(NamedTuple):
-    """The film as kernels see it.
+    """The film as kernels see it."""
 
-    Sums of samples (H, W, 3) float32, what their rounding lost (H, W, 3) float32, and numbers of samples (H, W) uint32.
-    """
-
-    total: NDArray[Any]
-    lost: NDArray[Any]
-    counts: NDArray[Any]
+    total: NDArray[Any]  # (H, W, 3) float32: sums of samples
+    lost: NDArray[Any]  # (H, W, 3) float32: what the rounding of the sums lost
+    counts: NDArray[Any]  # (H, W) uint32: numbers of samples
+    squares: NDArray[Any]  # (H, W) float32: sums of the squared luminance of samples; (0, 0) without ADAPTIVE
+    goals: NDArray[Any]  # (ceil(H / TILE), ceil(W / TILE)) int32: samples that a tile is to have; or (0, 0)
 
 
 class LayerColumns(NamedTuple):

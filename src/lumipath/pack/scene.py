@@ -137,6 +137,7 @@ def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
 def settings_features(settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the settings."""
     mask = _INTEGRATORS[settings.integrator] | _camera_features(settings, camera)
+    mask |= layout.ADAPTIVE if settings.noise is not None else 0
     if mask & layout.PIXEL_INTEGRATORS:
         return mask
     mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0

@@ -23,6 +23,7 @@ from ..settings import NOT_IN_SAMPLES, RenderSettings
 from .files import claim_space, replacing, target_of, temporary_for, try_to_write
 from .film import Film
 from .image import SUFFIXES, Image
+from .noise import worst_error
 
 _FORMAT = 1
 # More than the header of an array, less than anything that would hurt.
@@ -161,7 +162,7 @@ class Checkpoint:
         target = check_target(path)
         _remove_stale(target)
         temporary = temporary_for(target)
-        arrays = self.film.arrays._asdict()
+        arrays = _kept_arrays(self.film)
         with replacing(target, temporary, CheckpointError):
             # Else an archive that meets a full disk in its middle says something else first.
             claim_space(temporary, sum(array.nbytes for array in arrays.values()))
@@ -188,6 +189,12 @@ class Checkpoint:
         metadata: dict[str, Any] = {"samples": self.film.samples}
         if len({part.seed for part in self.ranges}) == 1:
             metadata["seed"] = self.ranges[0].seed
+        fewest, most = int(self.film.counts.min()), int(self.film.counts.max())
+        if fewest < most:
+            metadata |= {"fewest_samples": fewest, "most_samples": most}
+        noise = worst_error(self.film)
+        if noise is not None:
+            metadata["noise"] = noise
         metadata |= {
             "integrator": self.identity.settings["integrator"],
             "seconds": self.seconds,
@@ -246,8 +253,8 @@ def _unpacked(archive: zipfile.ZipFile, path: Path) -> Checkpoint:
     width, height = (int(side) for side in header["size"])
     if archive.getinfo("counts.npy").file_size < 4 * width * height:
         raise ValueError(f"it has no film of {width} x {height} pixels")
-    film = Film(width, height)
-    for name, array in film.arrays._asdict().items():
+    film = Film(width, height, adaptive="squares.npy" in archive.namelist())
+    for name, array in _kept_arrays(film).items():
         stored = _array(archive, name, array.nbytes)
         if stored.shape != array.shape or stored.dtype != array.dtype:
             raise CheckpointError(f"{path} is damaged: {name} has the shape {stored.shape}")
@@ -261,6 +268,11 @@ def _unpacked(archive: zipfile.ZipFile, path: Path) -> Checkpoint:
         str(header["scene_name"]),
         str(header["device"]),
     )
+
+
+def _kept_arrays(film: Film) -> dict[str, Any]:
+    """The arrays of a film that have anything in them, by name."""
+    return {name: array for name, array in film.arrays._asdict().items() if array.size}
 
 
 def _array(archive: zipfile.ZipFile, name: str, size: int) -> Any:

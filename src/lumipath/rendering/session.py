@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +16,7 @@ from attrs import frozen
 
 from ..devices import open_device, warn_of_fallback
 from ..devices.device import Device
-from ..errors import DeviceError, LumipathError, LumipathWarning, UsageError
+from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
 from ..pack import layout
 from ..pack.scene import Packed, layer_features, pack_scene, pack_view, settings_features
@@ -23,21 +26,40 @@ from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
 from .film import Film, level
 from .image import Image
 from .layer_film import LayerFilm
+from .noise import begin_goals, needed_samples, raise_goals, tile_errors
+
+# Less time than this is none: a pass takes longer to begin.
+_LEAST_SECONDS = 1e-3
 
 
 @frozen
 class Progress:
-    """How far a render is: mean samples per pixel, samples wanted, seconds of rendering, paths traced."""
+    """How far a render is.
+
+    Attributes:
+        samples: mean samples per pixel.
+        total: samples wanted; None: no limit.
+        seconds: of rendering.
+        paths: traced so far.
+        time: seconds of rendering after which it stops; None: no limit.
+        noise: the largest estimated error of a tile when that was last looked at; None: not yet, or nobody asks.
+        needed: about how many samples per pixel it will take until the noise is low enough; None as for `noise`.
+    """
 
     samples: float
-    total: int
+    total: int | None
     seconds: float
     paths: int
+    time: float | None = None
+    noise: float | None = None
+    needed: float | None = None
 
     @property
     def fraction(self) -> float:
-        """From 0 to 1."""
-        return min(1.0, self.samples / self.total)
+        """From 0 to 1: by samples, time or noise, whichever will stop the render first."""
+        limits = ((self.samples, self.total), (self.seconds, self.time), (self.samples, self.needed))
+        shares = [done / wanted for done, wanted in limits if wanted]
+        return min(1.0, max(shares, default=0.0))
 
     @property
     def remaining_seconds(self) -> float:
@@ -97,10 +119,11 @@ class Session:
         camera = scene.camera(self.settings.camera)
         self._view = pack_view(camera, self.settings)
         self._identity = Identity.of(scene, self.settings)
-        self.film = Film(int(self._view.film_width), int(self._view.film_height))
+        adaptive = self.settings.noise is not None
+        self.film = Film(int(self._view.film_width), int(self._view.film_height), adaptive)
         self._layers: LayerFilm | None = None
         if self.settings.aov:
-            self._layers = LayerFilm(self.settings.aov, self.film.width, self.film.height, self.settings.spp)
+            self._layers = LayerFilm(self.settings.aov, self.film.width, self.film.height, self.settings.sample_limit)
         self._file, found = self._open_checkpoint(checkpoint, resume)
         self.device: Device = open_device(device, self.settings.threads, self.settings.kernel)
         try:
@@ -114,6 +137,8 @@ class Session:
         self.render_seconds = 0.0
         self.resumed = 0.0
         self._warned = False
+        # What the last look at the noise found: the worst tile, and the samples that will be needed.
+        self._estimate: tuple[float, float] | None = None
         self._work: Generator[int, None, None] | None = None
         if found is not None:
             self._take(found)
@@ -172,6 +197,10 @@ class Session:
         found = Checkpoint.load(path)
         found.require_same(self._identity, path, "this render")
         found.require_start(self.settings.seed, self.settings.first_sample, path)
+        if self.settings.noise is not None and not found.film.is_adaptive:
+            raise CheckpointError(
+                f"{path} was rendered without noise, and cannot be gone on with it; leave it away, or begin anew"
+            )
         return found
 
     @property
@@ -188,13 +217,60 @@ class Session:
         """Render, and report several times a second; leaving the loop at any time leaves the film valid."""
         try:
             yield from self._render_layers()
-            while (done := int(self.film.counts.min())) < self.settings.spp:
-                last = min(self.settings.spp, self.device.next_stop(done, self.width * self.height))
+            while (last := self._next_stop()) is not None:
                 yield from self._render_pass(last)
         finally:
             self._keep()
 
+    def _next_stop(self) -> int | None:
+        """Up to how many samples per pixel the next pass goes; None where the render is at its end."""
+        limit = self.settings.sample_limit
+        if self.film.is_adaptive and not self.film.goals.max():
+            begin_goals(self.film, limit)
+        if not self.film.counts.min() and self.settings.time is not None:
+            # However short the time, every pixel gets a sample.
+            return 1
+        if self._seconds_left < _LEAST_SECONDS:
+            return None
+        done = self.film.fewest(limit)
+        if done is None and self._raise_goals(limit):
+            done = self.film.fewest(limit)
+        return None if done is None else min(limit, self.device.next_stop(done, self.width * self.height))
+
+    def _raise_goals(self, limit: int) -> bool:
+        """Look at the noise of a film whose goals are reached; whether some tiles have higher goals now."""
+        noise = self.settings.noise
+        if noise is None:
+            return False
+        self.device.download(self.film.arrays)
+        errors = tile_errors(self.film)
+        self._estimate = float(errors.max()), needed_samples(self.film, errors, noise, limit)
+        return raise_goals(self.film, errors, noise, limit)
+
+    @property
+    def _seconds_left(self) -> float:
+        return math.inf if self.settings.time is None else self.settings.time - self.render_seconds
+
+    @contextmanager
+    def _stopped_in_time(self) -> Iterator[None]:
+        """End the pass of the block when the time is up, unless some pixels have no sample before it."""
+        if math.isinf(self._seconds_left) or not self.film.counts.min():
+            yield
+            return
+        timer = threading.Timer(self._seconds_left, self.device.cancel)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
     def _render_pass(self, last: int) -> Iterator[Progress]:
+        """Bring every pixel up to `last` samples, or end when the time is up."""
+        with self._stopped_in_time():
+            yield from self._render_to(last)
+
+    def _render_to(self, last: int) -> Iterator[Progress]:
         """Bring every pixel up to `last` samples.
 
         The device goes on while a step is looked at, so that this time counts as rendering as well.
@@ -272,8 +348,11 @@ class Session:
             level(found.film, self._render_apart)
         self.device.clear()
         for array, kept in zip(self.film.arrays, found.film.arrays):
-            array[...] = kept
+            # Squares that nobody will go on with are left out.
+            if array.size:
+                array[...] = kept
         self.film.rejected = found.film.rejected
+        self._estimate = None
         self.render_seconds = found.seconds
         self.resumed = self.film.samples
 
@@ -295,6 +374,7 @@ class Session:
         self.film.clear()
         if self._layers is not None:
             self._layers.clear()
+        self._estimate = None
         self.device.clear()
         self.render_seconds = 0.0
         self.resumed = 0.0
@@ -309,7 +389,9 @@ class Session:
     def progress(self) -> Progress:
         """How far the render is."""
         paths = int(self.film.counts.sum(dtype="int64"))
-        return Progress(self.film.samples, self.settings.spp, self.render_seconds, paths)
+        total, time_limit = self.settings.total_samples, self.settings.time
+        noise, needed = self._estimate or (None, None)
+        return Progress(self.film.samples, total, self.render_seconds, paths, time_limit, noise, needed)
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Image:
         """Render everything that is left, calling `progress` after each pass."""

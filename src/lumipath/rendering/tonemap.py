@@ -100,7 +100,7 @@ def aces(linear: Floats) -> Floats:
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
-def luminance(linear: Floats) -> NDArray[np.float64]:
+def luminance(linear: NDArray[Any]) -> NDArray[np.float64]:
     """The luminance (...) float64 of linear Rec.709 values (..., 3), after ITU-R BT.709."""
     return np.asarray(linear) @ _LUMINANCE
 

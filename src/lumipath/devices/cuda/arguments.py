@@ -41,7 +41,10 @@ VIEW_TYPE = types.NamedTuple(
     View,
 )
 FILM_TYPE = types.NamedTuple(
-    (types.Array(types.float32, 3, "C"), types.Array(types.float32, 3, "C"), types.Array(types.uint32, 2, "C")),
+    (
+        *([types.Array(types.float32, 3, "C")] * 2),
+        *(types.Array(kind, 2, "C") for kind in (types.uint32, types.float32, types.int32)),
+    ),
     FilmArrays,
 )
 LAYERS_TYPE = types.NamedTuple(

@@ -16,9 +16,9 @@ from ...accel.build import build_tree
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
 from ...errors import DeviceError
 from ...lang import Features
-from ...pack.layout import PIXEL_INTEGRATORS, WIDE_TREE, FilmArrays, LayerArrays, PackedScene, View
+from ...pack.layout import PIXEL_INTEGRATORS, TILE, WIDE_TREE, FilmArrays, LayerArrays, PackedScene, View
 from ...pack.scene import Packed
-from ..device import DeviceInfo
+from ..device import DeviceInfo, goals_of
 from ..interrupts import deferred_interrupts
 from .arguments import to_device
 from .driver import DeviceArray, Gpu, OutOfMemoryError, device_count
@@ -70,11 +70,14 @@ class Worker:
         if self._film is None:
             planes = self._scheduler.planes(view)
             total, lost = planes_of(film.total, planes), planes_of(film.lost, planes)
+            squares = planes_of(film.squares, planes)
             if not empty:
-                total.upload(film.total)
-                lost.upload(film.lost)
+                for sums, array in ((total, film.total), (lost, film.lost), (squares, film.squares)):
+                    sums.upload(array)
             # Counts are kept by the host.
-            self._film = FilmArrays(total, lost, DeviceArray((1, 1), film.counts.dtype))
+            counts = DeviceArray((1, 1), film.counts.dtype)
+            self._film = FilmArrays(total, lost, counts, squares, DeviceArray.of(film.goals))
+        self._film.goals.upload(film.goals)
         self.gpu.synchronize()
 
     def run(self, first: int, last: int, pixels: int) -> int:
@@ -91,15 +94,15 @@ class Worker:
         """Whether there is anything to add to the sums of others."""
         return self._film is not None
 
-    def add_to(self, sums: NDArray[np.float64], top: int, height: int) -> None:
+    def add_to(self, sums: NDArray[np.float64], squares: NDArray[np.float64], top: int, height: int) -> None:
         """Add sums of this worker to those of others: the rows from `top` on, of a film of `height` rows."""
         if self._film is not None:
             self.gpu.open()
-            host = np.empty(sums.shape, np.float32)
-            for array in (self._film.total, self._film.lost):
+            for array, added in ((self._film.total, sums), (self._film.lost, sums), (self._film.squares, squares)):
+                host = np.empty(added.shape, np.float32)
                 for plane in range(array.shape[0] // height):
                     array.download(host, plane * height + top)
-                    sums += host
+                    added += host
 
     def clear(self) -> None:
         """Forget the sums."""
@@ -122,7 +125,6 @@ class CudaDevice:
 
     kind = "cuda"
     even_counts = True
-    even_counts = True
 
     def __init__(self, index: int | None = 0, kernel: str = "auto") -> None:
         gpus = [Gpu(number) for number in (range(device_count()) if index is None else (index,))]
@@ -142,6 +144,8 @@ class CudaDevice:
         self._uncounted = 0
         self._error: BaseException | None = None
         self._layers: LayerPass | None = None
+        # Pixels that the pass adds to.
+        self._growing: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPUs."""
@@ -186,10 +190,21 @@ class CudaDevice:
 
         A sample that is not finite counts as black. The wavefront leaves out only the contribution that is not finite.
         """
-        first = int(film.counts[0, 0])
+        wanted = goals_of(film, last)
         self._update(scene)
-        self._begin(view, film, empty=first == 0)
         self._cancelled = False
+        # Tiles with equal counts go together, up to the first goal among them; unless adaptive, that is the whole film.
+        while (lacking := film.counts < wanted).any() and not self._cancelled:
+            first = film.counts[lacking].min()
+            self._growing = lacking & (film.counts == first)
+            taking_part = film.counts[::TILE, ::TILE] == first if film.goals.size else np.zeros_like(film.goals, bool)
+            goals = np.where(taking_part, film.goals, 0).astype(film.goals.dtype)
+            stop = wanted[self._growing].min()
+            yield from self._render_growing(view, film._replace(goals=goals), int(first), int(stop))
+
+    def _render_growing(self, view: View, film: FilmArrays, first: int, last: int) -> Generator[int, None, None]:
+        """Add the samples first .. last - 1 to the pixels of `_growing`; the goals of their tiles are no lower."""
+        self._begin(view, film, empty=not film.counts.any())
         self._uncounted = 0
         rejected, told = 0, time.perf_counter()
         try:
@@ -254,7 +269,7 @@ class CudaDevice:
     def _count(self, film: FilmArrays) -> None:
         """Count the samples of slices that are done."""
         with deferred_interrupts():
-            film.counts[...] += np.uint32(self._uncounted)
+            np.add(film.counts, np.uint32(self._uncounted), out=film.counts, where=self._growing)
             self._uncounted = 0
 
     def compile_layers(self, scene: PackedScene, view: View, layers: LayerArrays) -> None:
@@ -290,11 +305,12 @@ class CudaDevice:
         step = max(1, _DOWNLOAD_PIXELS // width)
         for top in range(0, height, step):
             rows = slice(top, min(top + step, height))
-            sums = np.zeros(film.total[rows].shape, np.float64)
+            sums, squares = np.zeros(film.total[rows].shape, np.float64), np.zeros(film.squares[rows].shape, np.float64)
             for worker in self._workers:
-                worker.add_to(sums, top, height)
+                worker.add_to(sums, squares, top, height)
             film.total[rows] = sums
             film.lost[rows] = sums - film.total[rows]
+            film.squares[rows] = squares
 
     def clear(self) -> None:
         """Forget the sums on the GPUs."""

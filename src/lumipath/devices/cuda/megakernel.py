@@ -14,12 +14,14 @@ from typing import Any
 from numba import cuda, float32
 
 from ...accel.walk import DONE, IDLE, go_on, idle, leaf_step, node_step, start_walk
+from ...kernels.adaptive import add_square, square_of, takes
 from ...kernels.path import no_path, shade, start_path
 from ...kernels.rays import Hit, no_ray
 from ...kernels.sampler import CAMERA_SEQUENCE, direction_sequence, four_numbers
 from ...kernels.vectors import black
 from ...lang import Vec3, i32, kernel, stack_ints, struct, u32
 from ...lang.cuda import cuda_entry
+from ...pack.layout import ADAPTIVE
 from .film import add_samples
 from .work import finite_or_counted, is_on_film, lanes_before, place_in_tile, tile_of
 
@@ -27,6 +29,8 @@ _ALL = 0xFFFFFFFF
 _WARP = i32(32)
 BLOCK = 128
 _SUMS = BLOCK * 3
+# Behind the sums of light lie those of squares, where there are any.
+_ALL_SUMS = BLOCK * 4
 
 
 @struct
@@ -49,14 +53,27 @@ def deal(view, tile, turn):
 
 
 @kernel
-def bank(work, sums, lane):
+def bank_no_square(scene, sums, which, light):
+    """Nobody asks for the noise."""
+
+
+@kernel(needs=ADAPTIVE, otherwise=bank_no_square)
+def bank_square(scene, sums, which, light):
+    """Add the square of a sample to the squares of its pixel."""
+    cuda.atomic.add(sums, _SUMS + which, square_of(scene, light))
+
+
+@kernel
+def bank(scene, work, sums, lane):
     """Add what a sample has gathered to the sum of its pixel, if it is finite."""
     if lane.which >= 0:
         light = finite_or_counted(work.counters, lane.light)
-        i = ((i32(cuda.threadIdx.x) & i32(-32)) + lane.which) * 3
+        which = (i32(cuda.threadIdx.x) & i32(-32)) + lane.which
+        i = which * 3
         cuda.atomic.add(sums, i, light.x)
         cuda.atomic.add(sums, i + 1, light.y)
         cuda.atomic.add(sums, i + 2, light.z)
+        bank_square(scene, sums, which, light)
 
 
 @kernel
@@ -88,7 +105,7 @@ def shade_lane(scene, view, work, tile, sums, turn, walk, path, lane):
     Returns the walk to do next, the path, the lane, whether the walk is a shadow ray's, and the light that it brings.
     """
     if not path.alive:
-        bank(work, sums, lane)
+        bank(scene, work, sums, lane)
         lane = deal(view, tile, turn)
     sequence = direction_sequence(path.depth) if path.alive else CAMERA_SEQUENCE
     numbers = four_numbers(scene, lane.pixel, lane.sample, view.seed, sequence)
@@ -116,15 +133,38 @@ def end_shadow(walk, path, lane, direct):
 
 
 @kernel
-def clear_sums(sums):
+def clear_no_square(scene, sums):
+    """Nobody asks for the noise."""
+
+
+@kernel(needs=ADAPTIVE, otherwise=clear_no_square)
+def clear_square(scene, sums):
+    """Set the squares of the lane's pixel to 0."""
+    sums[_SUMS + cuda.threadIdx.x] = 0.0
+
+
+@kernel
+def clear_sums(scene, sums):
     """Set the sums of the lane's pixel to 0."""
     for channel in range(3):
         sums[cuda.threadIdx.x * 3 + channel] = 0.0
+    clear_square(scene, sums)
     cuda.syncwarp()
 
 
 @kernel
-def develop(view, film, tile, sums):
+def develop_no_square(scene, film, place, sums):
+    """Nobody asks for the noise."""
+
+
+@kernel(needs=ADAPTIVE, otherwise=develop_no_square)
+def develop_square(scene, film, place, sums):
+    """Add the squares of the lane's pixel to the film."""
+    add_square(scene, film, place, sums[_SUMS + cuda.threadIdx.x])
+
+
+@kernel
+def develop(scene, view, film, tile, sums):
     """Add the sums of the lane's pixel to the film."""
     cuda.syncwarp()
     which = i32(cuda.laneid)
@@ -132,15 +172,20 @@ def develop(view, film, tile, sums):
         place = place_in_tile(view, tile, which)
         i = cuda.threadIdx.x * 3
         add_samples(film, place, Vec3(sums[i], sums[i + 1], sums[i + 2]))
+        develop_square(scene, film, place, sums)
 
 
-def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> Any:
+def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int, adaptive: bool = False) -> Any:
     """The voting kernel: shade once `shade_at` lanes wait for it, test a triangle once `leaf_at` do, else boxes."""
+    size = _ALL_SUMS if adaptive else _SUMS
 
     def vote(scene, view, film, work):
-        sums = cuda.shared.array(_SUMS, float32)
-        clear_sums(sums)
+        sums = cuda.shared.array(size, float32)
+        clear_sums(scene, sums)
         tile = tile_of(view, work, u32(u32(cuda.grid(1)) >> u32(5)))
+        # The whole warp: it has one tile.
+        if not takes(scene, view, film, tile.column, tile.row, work.first):
+            return
         lane = Lane(u32(0), i32(-1), u32(0), black())
         path = no_path()
         walk = halt(start_walk(no_ray()))
@@ -175,18 +220,22 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int) -> 
                     walk, lane = end_shadow(walk, path, lane, direct)
                     shadow = False
             cuda.syncwarp()
-        develop(view, film, tile, sums)
+        develop(scene, view, film, tile, sums)
 
     return cuda_entry(vote)
 
 
-def make_refill(stack_size: int, threshold: int) -> Any:
+def make_refill(stack_size: int, threshold: int, adaptive: bool = False) -> Any:
     """The refilling kernel: shade when fewer than `threshold` lanes still walk."""
+    size = _ALL_SUMS if adaptive else _SUMS
 
     def refill(scene, view, film, work):
-        sums = cuda.shared.array(_SUMS, float32)
-        clear_sums(sums)
+        sums = cuda.shared.array(size, float32)
+        clear_sums(scene, sums)
         tile = tile_of(view, work, u32(u32(cuda.grid(1)) >> u32(5)))
+        # The whole warp: it has one tile.
+        if not takes(scene, view, film, tile.column, tile.row, work.first):
+            return
         lane = Lane(u32(0), i32(-1), u32(0), black())
         path = no_path()
         walk = halt(start_walk(no_ray()))
@@ -215,6 +264,6 @@ def make_refill(stack_size: int, threshold: int) -> Any:
                     walk, lane = end_shadow(walk, path, lane, direct)
                     shadow = False
             cuda.syncwarp()
-        develop(view, film, tile, sums)
+        develop(scene, view, film, tile, sums)
 
     return cuda_entry(refill)

@@ -7,9 +7,10 @@ from typing import Any
 from numba import cuda
 
 from ...accel.walk import walk_to_end
+from ...kernels.adaptive import add_square, square_of, takes
 from ...kernels.integrators import estimate
 from ...kernels.vectors import black
-from ...lang import i32, kernel, stack_ints, u32
+from ...lang import f32, i32, kernel, stack_ints, u32
 from ...lang.cuda import cuda_entry
 from .film import add_samples
 from .work import finite_or_counted, is_on_film, place_in_tile, tile_of
@@ -25,13 +26,20 @@ def make_pixels(stack_size: int) -> Any:
     def pixels(scene, view, film, work):
         tile = tile_of(view, work, u32(u32(cuda.grid(1)) >> u32(5)))
         which = i32(cuda.laneid)
-        if (tile.first < tile.last) & is_on_film(view, tile, which):
-            x = i32(view.left + tile.column + (which & 7))
-            y = i32(view.top + tile.row + (which >> 3))
+        column = i32(tile.column + (which & 7))
+        row = i32(tile.row + (which >> 3))
+        there = (tile.first < tile.last) & is_on_film(view, tile, which)
+        if there and takes(scene, view, film, column, row, work.first):
+            x = i32(view.left + column)
+            y = i32(view.top + row)
             light = black()
+            squares = f32(0.0)
             for sample in range(tile.first, tile.last):
                 seen = estimate(scene, view, trace, x, y, u32(y * view.width + x), u32(sample))
-                light = light + finite_or_counted(work.counters, seen)
+                seen = finite_or_counted(work.counters, seen)
+                light = light + seen
+                squares = f32(squares + square_of(scene, seen))
             add_samples(film, place_in_tile(view, tile, which), light)
+            add_square(scene, film, place_in_tile(view, tile, which), squares)
 
     return cuda_entry(pixels)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...lang import i32, u32
 from ...lang.cuda import Compiled, compile_cubin
-from ...pack.layout import DIELECTRICS, MIRRORS, PIXEL_INTEGRATORS, QUADRICS, VERTEX_DATA, WIDE_TREE
+from ...pack.layout import ADAPTIVE, DIELECTRICS, MIRRORS, PIXEL_INTEGRATORS, QUADRICS, VERTEX_DATA, WIDE_TREE
 from .arguments import FILM_TYPE, VIEW_TYPE, type_of
 from .driver import DeviceArray, Gpu, Kernel, Stream, flatten_arguments, pointers_to
 from .megakernel import BLOCK, make_refill, make_vote
@@ -151,11 +151,11 @@ class Counters:
 def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> Compiled:
     """The megakernel for argument types: which one, and with how many registers, was measured."""
     mask = scene[0].types[0].mask
-    rich = bool(mask & _RICH)
+    rich, adaptive = bool(mask & _RICH), bool(mask & ADAPTIVE)
     if mask & WIDE_TREE:
-        kernel, registers = make_vote(stack, 16 if rich else 8, 8, 2), 64 if rich else 56
+        kernel, registers = make_vote(stack, 16 if rich else 8, 8, 2, adaptive), 64 if rich else 56
     else:
-        kernel, registers = make_refill(stack, 18), 64
+        kernel, registers = make_refill(stack, 18, adaptive), 64
     return compile_cubin(kernel, (*scene, WORK_TYPE), capability, registers)
 
 
