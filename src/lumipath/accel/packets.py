@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import llvmlite.binding as llvm
 from numpy.typing import NDArray
 
 from ..kernels.quadrics import quadric_distance
@@ -29,6 +28,7 @@ from ..lang import (
     stack_ints,
     store,
 )
+from ..lang.host import vector_units
 from ..lang.lanes import Simd, bits, fused, gather, select, smallest, store_lanes, vmax, vmin
 from ..pack.layout import CULLING, QUADRICS
 from .bvh8 import CELLS, GROUP_SIZE, NODE_SIZE, PRIMITIVE_MASK, TWO_SIDED
@@ -36,7 +36,7 @@ from .slabs import WIDER
 from .trace8 import trace_slot
 from .triangles8 import sheared_distance
 
-WIDTH = 16 if llvm.get_host_cpu_features().get("avx512f") else 8
+WIDTH = 16 if vector_units()[1] >= 512 else 8
 """Rays in a packet: one register of the widest kind."""
 
 _simd = Simd(WIDTH)

@@ -14,7 +14,6 @@ from ._terminal import show, show_json, show_message, table
 if TYPE_CHECKING:
     from ..devices import DeviceInfo
 
-_SIMD_BITS = (("avx512f", 512), ("avx", 256), ("sse2", 128), ("neon", 128))
 _LIBRARIES = ("numba", "llvmlite", "numpy")
 
 
@@ -56,18 +55,7 @@ def _warm_up() -> None:
 
 
 def _device_facts(info: DeviceInfo) -> dict[str, Any]:
-    facts: dict[str, Any] = {"device": info.kind, "name": info.name, "threads": info.threads, **info.detail}
-    if info.kind == "cpu" and "simd_bits" not in facts:
-        facts["simd_bits"] = _simd_bits()
-    return facts
-
-
-def _simd_bits() -> int | None:
-    """Width of the widest vector registers that LLVM finds in this CPU."""
-    from llvmlite import binding
-
-    features = binding.get_host_cpu_features()
-    return next((bits for feature, bits in _SIMD_BITS if features.get(feature)), None)
+    return {"device": info.kind, "name": info.name, "threads": info.threads, **info.detail}
 
 
 def _software_facts() -> dict[str, str]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..accel.build import build_tree
 from ..accel.bvh8 import WIDTH, widen
+from ..lang.host import vector_units
 from ..lang.kernel import compile_for
 from ..lang.scalars import quiet_arithmetic
 from ..pack.layout import PIXEL_INTEGRATORS, FilmArrays, LayerArrays, PackedScene, View
@@ -135,9 +136,12 @@ class CpuDevice:
 
 def cpu_info() -> DeviceInfo:
     """The CPU as a device."""
-    import llvmlite.binding as llvm
-
-    features = llvm.get_host_cpu_features()
-    width = next((name for name in ("avx512f", "avx2", "avx", "sse4.2", "neon") if features.get(name)), "scalar")
-    detail = {"model": processor_name(), "cores": usable_cores(), "simd": width, "architecture": platform.machine()}
+    simd, bits = vector_units()
+    detail = {
+        "model": processor_name(),
+        "cores": usable_cores(),
+        "simd": simd,
+        "simd_bits": bits,
+        "architecture": platform.machine(),
+    }
     return DeviceInfo("cpu", processor_name(), usable_cores(), detail)
