@@ -11,8 +11,8 @@ from ..pack.layout import DIELECTRICS, MIRRORS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.mirror import mirror_direction
 from .camera import axial_distance, camera_ray, central_numbers
-from .materials import emission_at, is_dielectric, lobes_at, transmittance
-from .path import Bounce, lobe_probabilities, medium_beyond
+from .lobes import Bounce, lobe_probabilities
+from .materials import emission_at, is_dielectric, lobes_at, medium_beyond, transmittance
 from .rays import endless_ray, offset_point
 from .sampler import camera_numbers, choice_numbers, dielectric_number
 from .surface import surface_at

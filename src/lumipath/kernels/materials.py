@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..lang import Vec3, f32, kernel, load, load4, struct
+from ..lang import Vec3, f32, i32, kernel, load, load4, struct
 from ..pack.layout import (
     BLENDED_MATERIALS,
     DIELECTRICS,
@@ -144,3 +144,11 @@ def never_dielectric(scene, material):
 def is_dielectric(scene, material):
     """Whether light goes through this material."""
     return load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3] > 0.0
+
+
+@kernel
+def medium_beyond(scene, s, same_side, medium):
+    """The medium that a path goes on in: another one only where it passes through the surface of a dielectric."""
+    if same_side | (not is_dielectric(scene, s.material)):
+        return medium
+    return s.material if s.front else i32(-1)

@@ -45,6 +45,15 @@ LAYERS = 1 << 37
 # The film keeps squares of samples, and each tile of it has a goal of its own.
 ADAPTIVE = 1 << 40
 
+# Kinds of BSDFs beside the sum of lobes, and what materials do besides.
+ROUGH_DIFFUSE = 1 << 48
+CONDUCTORS = 1 << 49
+ROUGH_DIELECTRICS = 1 << 50
+THIN_DIELECTRICS = 1 << 51
+PRINCIPLED = 1 << 52
+ANISOTROPY = 1 << 56
+
+BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
@@ -69,6 +78,23 @@ EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 1 for a die
 REFLECTION_TINT = i32(16)  # of Fresnel reflection, rgb
 INTERNAL_TINT = i32(20)  # of total internal reflection, rgb
 REFRACTION = i32(24)  # index of refraction, mean transmissive weight, unused, unused
+
+# ---- BSDFs: 80 floats. Their head is the kind as bits, three unused; then slots of 4. A colour is a factor rgb and the
+#      number of a texture as bits, -1 for none; a number is a factor, two unused, and its texture
+BSDF_SIZE = i32(80)
+BSDF_COLOUR = i32(4)  # albedo, base colour, or reflectance of a metal
+BSDF_EDGE = i32(8)  # metal: k, or its reflectance at 82 degrees relative to Schlick's
+BSDF_ROUGHNESS = i32(12)
+BSDF_ANISOTROPY = i32(16)  # strength, rotation (turns), unused, unused
+
+# Kinds. LOBES: the record in `materials` is all there is.
+LOBES_KIND = i32(0)
+ROUGH_DIFFUSE_KIND = i32(1)
+MEASURED_METAL_KIND = i32(2)
+TINTED_METAL_KIND = i32(3)
+ROUGH_DIELECTRIC_KIND = i32(4)
+THIN_DIELECTRIC_KIND = i32(5)
+PRINCIPLED_KIND = i32(6)
 
 # ---- what only Whitted ray tracing needs to know of materials: 16 floats. Colours as above --------------------------
 PHONG_SIZE = i32(16)
@@ -117,6 +143,7 @@ class PackedScene(NamedTuple):
     quadrics: NDArray[Any]  # (Q, 16) float32
     materials: NDArray[Any]  # (M, 28) float32
     phong: NDArray[Any]  # (M, 16) float32
+    bsdfs: NDArray[Any]  # (M, 80) float32; empty without BSDFS
     textures: NDArray[Any]  # (N, 4) int32
     texels: NDArray[Any]  # (., 4) float32
     lights: NDArray[Any]  # (L, 24) float32

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Material, Texture
+from ..scene import Appearance, Material, Texture
 from ..scene.material import is_positive
 from . import layout
+from .bsdfs import BsdfRow, write_bsdf
 
 # Stands for a transmissive part of 0: whatever enters is gone within the shortest stretch.
 _OPAQUE = 1e20
@@ -19,11 +20,11 @@ class MaterialTable:
     """Collects materials, each once, and the textures that they use."""
 
     def __init__(self) -> None:
-        self.materials: list[Material] = []
+        self.materials: list[Material | Appearance] = []
         self._textures: list[Texture] = []
         self._numbers: dict[int, int] = {}
 
-    def number(self, material: Material) -> int:
+    def number(self, material: Material | Appearance) -> int:
         """Number of a material in the table."""
         key = id(material)
         if key not in self._numbers:
@@ -49,9 +50,22 @@ class MaterialTable:
     def rows(self) -> NDArray[np.float32]:
         """(M, 28) float32: the records of all materials."""
         table = np.zeros((len(self.materials), int(layout.MATERIAL_SIZE)), np.float32)
-        for row, material in zip(table, self.materials):
+        for row, material in zip(table, self.lobes()):
             self._write_row(row, material)
         return table
+
+    def lobes(self) -> list[Material]:
+        """The sum of lobes of each material, or the one that stands for it."""
+        return [material.as_lobes() if isinstance(material, Appearance) else material for material in self.materials]
+
+    def bsdf_rows(self) -> tuple[NDArray[np.float32], int]:
+        """(M, 80) float32: the records of BSDFs, and their feature bits; no rows where all materials are lobes."""
+        table = np.zeros((len(self.materials), int(layout.BSDF_SIZE)), np.float32)
+        features = 0
+        for row, material in zip(table, self.materials):
+            if isinstance(material, Appearance):
+                features |= write_bsdf(BsdfRow(row, self._texture_number), material)
+        return (table if features & layout.BSDFS else table[:0]), features
 
     def _write_row(self, row: NDArray[np.float32], material: Material) -> None:
         white = (1.0, 1.0, 1.0)
@@ -78,7 +92,7 @@ class MaterialTable:
         """(M, 16) float32: what Whitted ray tracing needs besides."""
         table = np.zeros((len(self.materials), int(layout.PHONG_SIZE)), np.float32)
         black = (0.0, 0.0, 0.0)
-        for row, material in zip(table, self.materials):
+        for row, material in zip(table, self.lobes()):
             specular = material.specular if material.specular is not None else black
             mirror = material.reflective
             if mirror is None:
@@ -91,7 +105,7 @@ class MaterialTable:
         return table
 
     def textures(self) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """(N, 4) int32 texture records and (., 4) float32 texels; call after `rows` and `phong_rows`."""
+        """(N, 4) int32 texture records and (., 4) float32 texels; call after all rows."""
         records = np.zeros((len(self._textures), 4), np.int32)
         texels = []
         first = 0
@@ -105,7 +119,7 @@ class MaterialTable:
     def features(self) -> int:
         """Feature bits of the materials."""
         mask = 0
-        for material in self.materials:
+        for material in self.lobes():
             if material.is_dielectric:
                 mask |= layout.DIELECTRICS
             elif is_positive(material.reflective) and material.specular is None:

@@ -50,7 +50,8 @@ def pack_scene(scene: Scene) -> Packed:
     environment = pack_environment(scene.environment) if scene.environment else no_environment()
     radius = scene_radius(geometry)
     lights = collect_lights(scene, geometry, table, radius, environment.mean)
-    features = geometry.features | table.features() | lights.features
+    bsdfs, bsdf_features = table.bsdf_rows()
+    features = geometry.features | table.features() | bsdf_features | lights.features
     if len(table.materials) > int(layout.MATERIAL_MASK):
         raise SceneError(
             f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible"
@@ -77,6 +78,7 @@ def pack_scene(scene: Scene) -> Packed:
         quadrics=aligned(geometry.quadric_rows),
         materials=aligned(rows),
         phong=aligned(phong),
+        bsdfs=aligned(bsdfs),
         textures=aligned(textures),
         texels=aligned(texels),
         lights=aligned(lights.rows),

@@ -1,5 +1,6 @@
 """What a scene is, in world units, validated; knows nothing of files or rendering."""
 
+from .bsdfs import Appearance, Conductor, Diffuse
 from .camera import Camera
 from .digest import scene_digest
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
@@ -9,10 +10,13 @@ from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_nor
 
 __all__ = [
     "AmbientLight",
+    "Appearance",
     "Box",
     "Camera",
+    "Conductor",
     "Cone",
     "Cylinder",
+    "Diffuse",
     "DirectionalLight",
     "Environment",
     "Light",

@@ -1,4 +1,4 @@
-"""The path's step: lobes are chosen so that no lobe is drawn that a surface does not have."""
+"""Sums of lobes: lobes are chosen so that no lobe is drawn that a surface does not have."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from kernel_calls import looped
 
+from lumipath.kernels.lobes import bounce, lobe_probabilities
 from lumipath.kernels.materials import Lobes
-from lumipath.kernels.path import bounce, lobe_probabilities
 from lumipath.kernels.sampler import choice_numbers
 from lumipath.kernels.surface import Surface
 from lumipath.kernels.vectors import frame_around

@@ -1,0 +1,58 @@
+"""One link for each kind of BSDF; those that a scene lacks are left out of its kernels.
+
+A link reads the parameters once, and uses them for the light that arrives and for the direction that the path takes.
+"""
+
+from __future__ import annotations
+
+from ...lang import Vec3, f32, kernel, struct
+from ...pack.layout import CONDUCTORS, MEASURED_METAL_KIND, ROUGH_DIFFUSE, ROUGH_DIFFUSE_KIND, TINTED_METAL_KIND
+from .conductor import eval_metal, metal_at, sample_metal
+from .rough_diffuse import eval_rough_diffuse, rough_diffuse_at, sample_rough_diffuse
+from .values import BsdfSample, BsdfValue, no_sample, no_value
+
+
+@struct
+class Question:
+    """What a BSDF is asked: local directions, and random numbers.
+
+    wo: to the viewer, wo.z > 0. wi: to the light. u, v: place of the new direction. choice: of the lobe.
+    """
+
+    wo: Vec3
+    wi: Vec3
+    u: f32
+    v: f32
+    choice: f32
+
+
+@struct
+class Response:
+    """The value towards the light, and the direction drawn."""
+
+    value: BsdfValue
+    drawn: BsdfSample
+
+
+@kernel
+def no_response(scene, s, kind, q):
+    """The end of the chain."""
+    return Response(no_value(), no_sample())
+
+
+@kernel(needs=ROUGH_DIFFUSE, otherwise=no_response)
+def from_rough_diffuse(scene, s, kind, q):
+    """A rough diffuse surface, or else."""
+    if kind == ROUGH_DIFFUSE_KIND:
+        m = rough_diffuse_at(scene, s)
+        return Response(eval_rough_diffuse(m, q.wo, q.wi), sample_rough_diffuse(m, q.wo, q.u, q.v))
+    return no_response(scene, s, kind, q)
+
+
+@kernel(needs=CONDUCTORS, otherwise=from_rough_diffuse)
+def response(scene, s, kind, q):
+    """A metal, or else."""
+    if (kind == MEASURED_METAL_KIND) | (kind == TINTED_METAL_KIND):
+        m = metal_at(scene, s, kind)
+        return Response(eval_metal(m, q.wo, q.wi), sample_metal(m, q.wo, q.u, q.v))
+    return from_rough_diffuse(scene, s, kind, q)

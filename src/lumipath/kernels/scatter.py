@@ -1,0 +1,95 @@
+"""Scattering where a path arrives: at a BSDF of any kind, or at a sum of lobes.
+
+Each asks for light from one direction and draws another one; both are weighted against what the other strategy could
+have done (multiple importance sampling, Veach 1997, chapter 9).
+"""
+
+from __future__ import annotations
+
+from ..lang import as_int, f32, i32, inverse, kernel
+from ..pack.layout import ANY_LIGHT, BSDFS, LOBES_KIND
+from .bsdf.responses import Question, response
+from .bsdf.values import slot
+from .functions import power_heuristic
+from .lights import no_light, sample_light
+from .lobes import scatter_at_lobes
+from .materials import medium_beyond, transmittance
+from .rays import SHADOW_END, Ray, no_ray, offset_point
+from .sampler import choice_numbers
+from .scattered import DirectLight, Scattered
+from .vectors import black, dot, frame_around, length, max_component, to_local, to_world
+
+# Whatever is farther away is not at a place, but in a direction.
+FAR = f32(1e18)
+
+
+@kernel
+def no_light_at(scene, view, path, s, pixel, sample, numbers):
+    """A scene without lights."""
+    return no_light()
+
+
+@kernel(needs=ANY_LIGHT, otherwise=no_light_at)
+def light_at(scene, view, path, s, pixel, sample, numbers):
+    """Light that may arrive at a surface, from any side."""
+    return sample_light(scene, s.p, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
+
+
+@kernel
+def unshadowed_light(scene, path, s, light, value):
+    """The shadow ray to a light, and what arrives along it; `value` is that of the BSDF towards the light."""
+    outside = dot(s.n, light.direction) > 0.0
+    o = offset_point(s.p, s.n if outside else -s.n, path.ray.tmax, s.reach)
+    # The light was seen from the surface itself: the ray leads from the moved point to the same point of the light.
+    finite = light.distance < FAR
+    to_light = s.p + light.direction * light.distance - o
+    distance = length(to_light)
+    direction = to_light * inverse(distance) if finite else light.direction
+    distance = distance if finite else light.distance
+    weight = f32(1.0) if light.delta else power_heuristic(light.pdf, value.pdf)
+    radiance = path.throughput * value.f * light.radiance * (weight / light.pdf)
+    radiance = radiance * transmittance(scene, medium_beyond(scene, s, outside, path.medium), light.distance)
+    return DirectLight(Ray(o, direction, distance * SHADOW_END), radiance)
+
+
+@kernel
+def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
+    """Direct light, and the next direction; arguments as those of `scatter`."""
+    frame = frame_around(s.shading)
+    light = light_at(scene, view, path, s, pixel, sample, numbers)
+    wi = to_local(frame, light.direction)
+    choice = choice_numbers(scene, pixel, sample, view.seed, path.depth).b
+    answer = response(scene, s, kind, Question(to_local(frame, -path.ray.d), wi, numbers.c, numbers.d, choice))
+    # What is above the shading normal's horizon and below the true surface, or the other way round, carries nothing.
+    reaches = (light.pdf > 0.0) & (max_component(answer.value.f) > 0.0) & (wi.z * dot(s.n, light.direction) > 0.0)
+    direct = unshadowed_light(scene, path, s, light, answer.value) if reaches else DirectLight(no_ray(), black())
+    drawn = answer.drawn
+    direction = to_world(frame, drawn.wi)
+    blocked = drawn.wi.z * dot(s.n, direction) <= 0.0
+    return Scattered(direct.shadow, direct.radiance, direction, drawn.weight, drawn.pdf, blocked)
+
+
+@kernel
+def scatter_at_any_lobes(scene, view, path, s, behind, pixel, sample, numbers):
+    """A scene whose materials are all sums of lobes."""
+    return scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers)
+
+
+@kernel(needs=BSDFS, otherwise=scatter_at_any_lobes)
+def scatter(scene, view, path, s, behind, pixel, sample, numbers):
+    """What a surface does with a path.
+
+    Args:
+        scene: PackedScene.
+        view: View.
+        path: as it arrives: its ray ends at the surface, what lies before it is in its throughput.
+        s: the surface there.
+        behind: whether the path is inside of the surface's material.
+        pixel: number of the pixel in the full image, for further random numbers.
+        sample: number of the sample in the pixel.
+        numbers: of `direction_numbers` for the path's depth.
+    """
+    kind = as_int(slot(scene, s.material, i32(0))[0])
+    if kind == LOBES_KIND:
+        return scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers)
+    return scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers)

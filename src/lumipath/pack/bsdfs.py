@@ -1,0 +1,83 @@
+"""Records of BSDFs: the one place that knows how the materials of `scene.bsdfs` lie in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene import Texture
+from ..scene.bsdfs import Appearance, Conductor, Diffuse
+from . import layout
+
+TextureNumber = Callable[[Texture], int]
+
+
+class BsdfRow:
+    """Writes one record.
+
+    Args:
+        row: (80,) float32, zeros.
+        texture_number: gives a texture its number.
+    """
+
+    def __init__(self, row: NDArray[np.float32], texture_number: TextureNumber) -> None:
+        self._row = row
+        self._bits = row.view(np.int32)
+        self._texture_number = texture_number
+
+    def kind(self, kind: Any) -> None:
+        """The kind of BSDF."""
+        self._bits[0] = kind
+
+    def colour(self, at: Any, value: Any) -> None:
+        """A colour slot: a constant, or a texture."""
+        self._row[at : at + 3] = 1.0 if isinstance(value, Texture) else value
+        self._bits[at + 3] = self._texture_number(value) if isinstance(value, Texture) else -1
+
+    def number(self, at: Any, value: Any) -> None:
+        """A number slot: a constant, or the first channel of a texture."""
+        self._row[at] = 1.0 if isinstance(value, Texture) else value
+        self._bits[at + 3] = self._texture_number(value) if isinstance(value, Texture) else -1
+
+    def anisotropy(self, strength: float, rotation: float) -> int:
+        """The anisotropy slot; rotation in degrees. Returns its feature bit, or 0 without any."""
+        self._row[layout.BSDF_ANISOTROPY] = strength
+        self._row[layout.BSDF_ANISOTROPY + 1] = (rotation / 360) % 1.0
+        return layout.ANISOTROPY if strength > 0 else 0
+
+
+def write_bsdf(row: BsdfRow, material: Appearance) -> int:
+    """Write the record of a material; returns the feature bits that it needs, 0 where its lobes are all there is."""
+    return _WRITERS[type(material)](row, material)
+
+
+def _write_diffuse(row: BsdfRow, material: Diffuse) -> int:
+    if material.is_plain:
+        return 0
+    row.kind(layout.ROUGH_DIFFUSE_KIND)
+    row.colour(layout.BSDF_COLOUR, material.reflectance)
+    row.number(layout.BSDF_ROUGHNESS, material.roughness)
+    return layout.ROUGH_DIFFUSE
+
+
+def _write_conductor(row: BsdfRow, material: Conductor) -> int:
+    index = material.index
+    if index is not None:
+        row.kind(layout.MEASURED_METAL_KIND)
+        row.colour(layout.BSDF_COLOUR, index[0])
+        row.colour(layout.BSDF_EDGE, index[1])
+    else:
+        row.kind(layout.TINTED_METAL_KIND)
+        row.colour(layout.BSDF_COLOUR, material.reflectance)
+        row.colour(layout.BSDF_EDGE, material.edge_tint)
+    row.number(layout.BSDF_ROUGHNESS, material.roughness)
+    return layout.CONDUCTORS | row.anisotropy(material.anisotropy, material.rotation)
+
+
+_WRITERS: dict[type, Callable[[BsdfRow, Any], int]] = {
+    Conductor: _write_conductor,
+    Diffuse: _write_diffuse,
+}

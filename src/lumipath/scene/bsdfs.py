@@ -1,0 +1,177 @@
+"""Materials of physically based surfaces, as renderers and glTF name them today."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+from attrs import field, frozen
+
+from ..errors import SceneError
+from .material import Colour, Material, Texture, is_positive
+from .metals import METALS
+from .values import colour
+
+Number = float | Texture
+
+WHITE = (1.0, 1.0, 1.0)
+BLACK = (0.0, 0.0, 0.0)
+
+
+def _where(owner: Any) -> str:
+    kind = type(owner).__name__
+    return f"{kind} {owner.name!r}" if owner.name else kind
+
+
+def checked_number(low: float, high: float) -> Any:
+    """A validator of attrs: a number from `low` to `high`."""
+
+    def check(owner: Any, attribute: Any, value: Any) -> None:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            raise SceneError(
+                f"{_where(owner)}: {attribute.name} is {value!r}: it must be a number from {low:g} to {high:g}"
+            )
+
+    return check
+
+
+def checked_share(owner: Any, attribute: Any, value: Any) -> None:
+    """A validator of attrs: a number from 0 to 1, or a texture."""
+    if not isinstance(value, Texture):
+        checked_number(0.0, 1.0)(owner, attribute, value)
+
+
+@frozen(eq=False, kw_only=True)
+class Appearance:
+    """What all materials of this page have in common.
+
+    Args:
+        emission: radiance that leaves the surface, W/(m^2 sr), linear Rec.709: one number, three, or a `Texture`.
+        name: for messages and look-ups.
+    """
+
+    emission: Colour | Texture = BLACK
+    name: str = ""
+
+    # The greatest value of each colour; emission has no bound.
+    _limits: ClassVar[dict[str, float]] = {"emission": 1e12}
+
+    def __attrs_post_init__(self) -> None:
+        for name, high in self._limits.items():
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, Texture):
+                object.__setattr__(self, name, colour(value, f"{_where(self)}: {name}", high))
+
+    @property
+    def is_emissive(self) -> bool:
+        """Whether the surface emits anywhere."""
+        return is_positive(self.emission)
+
+    @property
+    def is_dielectric(self) -> bool:
+        """Whether light goes through to an inside that absorbs or refracts."""
+        return False
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether `as_lobes` is this very material, rather than what stands for it where lobes are all there is."""
+        return False
+
+    def as_lobes(self) -> Material:
+        """The sum-of-lobes material nearest to this one: what Whitted ray tracing and looks at albedo see."""
+        raise NotImplementedError
+
+
+@frozen(eq=False, kw_only=True)
+class Diffuse(Appearance):
+    """A matt surface: Lambert's, or a rough one after Oren and Nayar that loses no energy.
+
+    Args:
+        reflectance: albedo, from 0 to 1.
+        roughness: 0 is Lambert's; 1 is as rough as can be (clay, the moon). After Portsmouth, Kutz and Hill 2025,
+            "EON: A practical energy-preserving rough diffuse BRDF".
+    """
+
+    reflectance: Colour | Texture = (0.5, 0.5, 0.5)
+    roughness: Number = field(default=0.0, validator=checked_share)
+
+    _limits: ClassVar[dict[str, float]] = Appearance._limits | {"reflectance": 1.0}
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is Lambert's."""
+        return self.roughness == 0
+
+    def as_lobes(self) -> Material:
+        """A Lambert lobe of the same albedo."""
+        return Material(diffuse=self.reflectance, emission=self.emission, name=self.name)
+
+
+@frozen(eq=False, kw_only=True)
+class Conductor(Appearance):
+    """A metal with the microfacets of Trowbridge and Reitz (GGX).
+
+    Its colour comes from `metal`, or from `eta` and `k`, or else from `reflectance` and `edge_tint`.
+
+    Args:
+        metal: name of a metal whose complex index of refraction was measured; one of `scene.metals.METALS`.
+        eta: real part of the index of refraction, for red, green and blue.
+        k: imaginary part of it.
+        reflectance: seen face to face, from 0 to 1; a colour or a texture.
+        edge_tint: what the reflectance is multiplied by at 82 degrees, just before all metals turn white
+            (Kutz, Hasan and Edmondson 2021, "Novel aspects of the Adobe Standard Material").
+        roughness: from 0, a mirror, to 1; its square is the alpha of GGX.
+        anisotropy: from 0 to 1: how far highlights are drawn out along the u direction of the texture coordinates.
+        rotation: of that direction, degrees counter-clockwise.
+    """
+
+    metal: str | None = None
+    eta: Colour | None = None
+    k: Colour | None = None
+    reflectance: Colour | Texture = (0.9, 0.9, 0.9)
+    edge_tint: Colour = WHITE
+    roughness: Number = field(default=0.1, validator=checked_share)
+    anisotropy: float = field(default=0.0, validator=checked_number(0.0, 1.0))
+    rotation: float = field(default=0.0, validator=checked_number(-360.0, 360.0))
+
+    _limits: ClassVar[dict[str, float]] = Appearance._limits | {
+        "reflectance": 1.0,
+        "edge_tint": 1.0,
+        "eta": 100.0,
+        "k": 100.0,
+    }
+
+    def __attrs_post_init__(self) -> None:
+        super().__attrs_post_init__()
+        if self.metal is not None and self.metal not in METALS:
+            raise SceneError(f"{_where(self)}: no metal {self.metal!r}; there is {', '.join(METALS)}")
+        if self.metal is not None and (self.eta is not None or self.k is not None):
+            raise SceneError(f"{_where(self)}: give either metal, or eta and k")
+        if (self.eta is None) != (self.k is None):
+            raise SceneError(f"{_where(self)}: eta and k belong together; give both or neither")
+
+    @property
+    def index(self) -> tuple[Colour, Colour] | None:
+        """Eta and k, where they are known."""
+        if self.metal is not None:
+            return METALS[self.metal]
+        return (self.eta, self.k) if self.eta is not None and self.k is not None else None
+
+    def face_on(self) -> Colour | Texture:
+        """The reflectance seen face to face."""
+        if self.index is None:
+            return self.reflectance
+        r, g, b = (((n - 1) ** 2 + k * k) / ((n + 1) ** 2 + k * k) for n, k in zip(*self.index))
+        return (r, g, b)
+
+    def as_lobes(self) -> Material:
+        """A mirror of its colour."""
+        return Material(specular=self.face_on(), emission=self.emission, name=self.name)
+
+
+def extinction_of(tint: Colour, distance: float) -> Colour:
+    """Transmissive colour per metre of a medium that leaves `tint` after `distance` metres."""
+    if math.isinf(distance):
+        return WHITE
+    r, g, b = (max(part, 1e-20) ** (1 / distance) for part in tint)
+    return (r, g, b)
