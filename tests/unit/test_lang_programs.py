@@ -179,10 +179,12 @@ def test_the_renderer_has_vectors_of_eight_floats_at_least(program):
 SMALL = """
 import numpy as np
 from lumipath.pack.alias import alias_table, _fill
-alias_table(np.ones(4))
-from lumipath.lang.cache import cache_folder
+from lumipath.lang.cache import cache_folder, when_compiling
+told = []
+with when_compiling(lambda: told.append("compiling")):
+    alias_table(np.ones(4))
 import json
-print(json.dumps({"folder": str(cache_folder()), "hits": sum(_fill.dispatcher.stats.cache_hits.values()),
+print(json.dumps({"folder": str(cache_folder()), "told": told, "hits": sum(_fill.dispatcher.stats.cache_hits.values()),
                   "misses": sum(_fill.dispatcher.stats.cache_misses.values())}))
 """
 
@@ -191,9 +193,10 @@ def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     first = json.loads(python(SMALL, tmp_path))
     files = {path: path.stat().st_mtime_ns for path in Path(first["folder"]).iterdir()}
     assert first["misses"] == 1
+    assert first["told"] == ["compiling"]
     assert any(path.suffix == ".nbc" for path in files)
     again = json.loads(python(SMALL, tmp_path))
-    assert again == first | {"hits": 1, "misses": 0}
+    assert again == first | {"hits": 1, "misses": 0, "told": []}
     assert {path: path.stat().st_mtime_ns for path in Path(first["folder"]).iterdir()} == files
 
 

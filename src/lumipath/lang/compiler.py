@@ -1,16 +1,16 @@
-"""How Numba compiles kernels and what calls them: kernels stop at LLVM code, entries bring it all together once.
+"""How Numba compiles kernels and what calls them: kernels stay LLVM code, only what Python calls becomes machine code.
 
-For Numba each function is a library of its own: it is optimized with all that it calls inlined, becomes machine code,
-and the same begins again for its caller. A kernel is only ever inlined, so that all of this but the entry's turn is
-thrown away. Here a kernel's library holds its code as it was generated, and the optimizer sees the whole program once.
+For Numba each function is a library of its own, and whatever it compiles could be called from Python: it is optimized,
+made machine code and given wrappers, then inlined into its callers all the same. A kernel is only ever inlined. Its
+library holds its code as it was generated, until a caller that is compiled in the end asks for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
-from numba.core.codegen import CodeLibrary, JITCodeLibrary
+from llvmlite.binding import Linkage
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager
 from numba.core.typed_passes import InlineOverloads, NopythonRewrites
@@ -20,47 +20,42 @@ from numba.core.untyped_passes import InlineClosureLikes, WithLifting
 _UNUSED_PASSES = (WithLifting, InlineClosureLikes, InlineOverloads, NopythonRewrites)
 
 
-def _parts(library: JITCodeLibrary) -> Iterator[CodeLibrary]:
-    """What `library` calls: kernels, what these call in their turn, and other libraries, each of which is complete."""
-    for called in library._linking_libraries:
-        yield called
-        if isinstance(called, KernelLibrary):
-            yield from _parts(called)
-
-
-def _link_kernels(module: Any, library: JITCodeLibrary) -> list[CodeLibrary]:
-    """Add the code of all kernels that `library` calls to `module`; returns the other libraries."""
-    others = []
-    for part in dict.fromkeys(_parts(library)):
-        if isinstance(part, KernelLibrary):
-            module.link_in(part._final_module, preserve=True)
-        else:
-            others.append(part)
-    return others
+def _shareable(module: Any) -> Any:
+    """A copy of an LLVM module of which any number of programs may hold one."""
+    copy = module.clone()
+    for function in copy.functions:
+        if not function.is_declaration and function.linkage == Linkage.external:
+            function.linkage = "linkonce_odr"
+    return copy
 
 
 class KernelLibrary(JITCodeLibrary):
-    """The code of one kernel as it was generated: not optimized, without what it calls, never made machine code."""
+    """The code of one kernel, which callers inline."""
 
     def add_llvm_module(self, ll_module: Any) -> None:
         """Take generated code as it is."""
         self._final_module.link_in(ll_module)
 
     def finalize(self) -> None:
-        """End of additions."""
-        for function in self._final_module.functions:
-            if not function.is_declaration:
-                # Any number of entries may hold a copy.
-                function.linkage = "linkonce_odr"
+        """End of additions. Code that is only compiled to find a type is never asked for, and costs no more."""
         self._finalized = True
 
+    def _link_called(self) -> None:
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._linking_libraries = []
+
+    def generated(self) -> Any:
+        """The kernel as it was generated, with what it calls."""
+        self._link_called()
+        return _shareable(self._final_module)
+
     def _get_module_for_linking(self) -> Any:
-        """The kernel with all that it calls, for a caller that is no entry of ours."""
+        """The kernel with all that it calls inlined, optimized: callers find small code that does what they need."""
         if self._shared_module is None:
-            whole = self._final_module.clone()
-            for other in _link_kernels(whole, self):
-                whole.link_in(other._get_module_for_linking(), preserve=True)
-            self._shared_module = whole
+            self._link_called()
+            self._optimize_final_module()
+            self._shared_module = _shareable(self._final_module)
         return self._shared_module
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -77,11 +72,18 @@ class KernelLibrary(JITCodeLibrary):
 
 
 class EntryLibrary(JITCodeLibrary):
-    """A function that Python calls, and all kernels that it calls: optimized once, then made machine code."""
+    """A function that Python calls, with all kernels in it, as machine code."""
 
     def finalize(self) -> None:
         """Link, optimize and compile."""
-        self._linking_libraries = _link_kernels(self._final_module, self)
+        others = []
+        for library in dict.fromkeys(self._linking_libraries):
+            if isinstance(library, KernelLibrary):
+                # It holds nearly everything, and would be optimized here once more.
+                self._final_module.link_in(library.generated(), preserve=True)
+            else:
+                others.append(library)
+        self._linking_libraries = others
         super().finalize()
 
 
