@@ -44,6 +44,8 @@ _HOMES = {
         "Cylinder",
         "DirectionalLight",
         "Environment",
+        "Group",
+        "Instance",
         "Material",
         "Mesh",
         "PointLight",

@@ -9,8 +9,8 @@ pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
 from numba import typeof, types
 
 from lumipath import builtin
-from lumipath.accel.build import build_tree
 from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
+from lumipath.accel.two_level import build_trees
 from lumipath.devices.cuda.arguments import FILM_TYPE, LAYERS_TYPE, VIEW_TYPE, type_of
 from lumipath.devices.cuda.layers import compile_layers, make_layers
 from lumipath.devices.cuda.schedulers import compile_megakernel, compile_pixels, compile_wavefront
@@ -34,12 +34,13 @@ def arguments(name, *, wide, lights=(), **settings):
     scene.lights += lights
     packed = pack_scene(scene)
     geometry = packed.geometry
-    tree = build_tree(*geometry.bounds(), max_leaf=MAX_LEAF, block=1)
-    accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=wide)
+    trees = build_trees(*geometry.bounds(), geometry.instancing, max_leaf=MAX_LEAF, block=1)
+    sides, solid = geometry.two_sided, geometry.solid()
+    accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
     assert depth <= STACK
     mask = packed.scene.features.mask | settings_features(RenderSettings(**settings), scene.camera(None))
     features = Features(mask | (WIDE_TREE if wide else 0))
-    return type_of(packed.scene._replace(accel=accel, features=features)), VIEW_TYPE, FILM_TYPE
+    return type_of(packed.with_tree(accel, roots)._replace(features=features)), VIEW_TYPE, FILM_TYPE
 
 
 def resources(report):

@@ -2,6 +2,7 @@
 
 from .camera import Camera
 from .digest import scene_digest
+from .instances import Group, Instance, materials_of
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
 from .material import Material, Texture
 from .scene import Scene
@@ -15,6 +16,8 @@ __all__ = [
     "Cylinder",
     "DirectionalLight",
     "Environment",
+    "Group",
+    "Instance",
     "Light",
     "Material",
     "Mesh",
@@ -24,6 +27,7 @@ __all__ = [
     "Sphere",
     "Square",
     "Texture",
+    "materials_of",
     "scene_digest",
     "smooth_normals",
     "transform_mesh",
