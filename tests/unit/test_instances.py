@@ -9,12 +9,14 @@ from parts import moved, scaled, sphere_mesh
 from reference_geometry import rotation
 from tracing import METHODS, gpu_scene, hits, upload
 
+from lumipath.devices.cpu import CpuDevice
 from lumipath.errors import SceneError
 from lumipath.pack import layout
 from lumipath.pack.geometry import shape_numbers
 from lumipath.pack.instances import arrange
 from lumipath.pack.scene import pack_scene
 from lumipath.scene import Cone, Cylinder, Group, Instance, Material, Mesh, Scene, Sphere, scene_digest
+from lumipath.scenes import builtin
 
 WAYS = [*METHODS, "binary", "wide"]
 
@@ -225,6 +227,14 @@ def test_a_target_is_stored_once():
     assert packed.scene.instances.shape == (30, layout.INSTANCE_SIZE)
     assert packed.scene.features.mask & layout.INSTANCES
     assert len(packed.geometry.instancing.members) == 1
+
+
+def test_a_hundred_million_triangles_take_little_memory():
+    scene = builtin("forest")
+    uploaded = CpuDevice(2).upload(pack_scene(scene))
+    arrays = [value for value in (*uploaded, *uploaded.accel) if isinstance(value, np.ndarray)]
+    assert scene.triangle_count > 99e6
+    assert sum(array.nbytes for array in arrays) < 150e6
 
 
 def test_equal_groups_share_what_is_stored():
