@@ -46,6 +46,8 @@ _HOMES = {
         "Diffuse",
         "DirectionalLight",
         "Environment",
+        "Group",
+        "Instance",
         "Material",
         "Mesh",
         "PointLight",

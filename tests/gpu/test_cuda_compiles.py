@@ -1,6 +1,7 @@
 """CUDA kernels on any machine: they compile for every generation of GPUs, within bounds, and on no double precision."""
 
 import re
+import sys
 
 import pytest
 
@@ -9,8 +10,8 @@ pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
 from numba import typeof, types
 
 from lumipath import builtin
-from lumipath.accel.build import build_tree
 from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
+from lumipath.accel.two_level import build_trees
 from lumipath.devices.cuda.arguments import FILM_TYPE, LAYERS_TYPE, VIEW_TYPE, type_of
 from lumipath.devices.cuda.layers import compile_layers, make_layers
 from lumipath.devices.cuda.schedulers import compile_megakernel, compile_pixels, compile_wavefront
@@ -21,9 +22,10 @@ from lumipath.lang.cuda import compile_ptx
 from lumipath.pack.layout import WIDE_TREE, PackedScene
 from lumipath.pack.scene import layer_features, pack_scene, settings_features
 from lumipath.scene import DirectionalLight, PointLight
+from lumipath.scenes.forest import forest
 from lumipath.settings import RenderSettings
 
-STACK = 64
+STACK, DEEP_STACK = 64, 256
 # Turing, Ampere, Hopper, Blackwell.
 CAPABILITIES = [(7, 5), (8, 0), (9, 0), (12, 0)]
 
@@ -34,12 +36,13 @@ def arguments(name, *, wide, lights=(), **settings):
     scene.lights += lights
     packed = pack_scene(scene)
     geometry = packed.geometry
-    tree = build_tree(*geometry.bounds(), max_leaf=MAX_LEAF, block=1)
-    accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=wide)
-    assert depth <= STACK
+    trees = build_trees(*geometry.bounds(), geometry.instancing, max_leaf=MAX_LEAF, block=1)
+    sides, solid = geometry.two_sided, geometry.solid()
+    accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
+    assert depth <= DEEP_STACK
     mask = packed.scene.features.mask | settings_features(RenderSettings(**settings), scene.camera(None))
     features = Features(mask | (WIDE_TREE if wide else 0))
-    return type_of(packed.scene._replace(accel=accel, features=features)), VIEW_TYPE, FILM_TYPE
+    return type_of(packed.with_tree(accel, roots)._replace(features=features)), VIEW_TYPE, FILM_TYPE
 
 
 def resources(report):
@@ -76,6 +79,19 @@ def test_all_materials_and_primitives_compile_within_bounds():
     registers, stack = resources(made.report)
     assert registers <= 64
     assert stack <= 4 * STACK + 128
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
+def test_instances_compile_within_bounds(wide, monkeypatch):
+    monkeypatch.setattr(sys.modules[__name__], "builtin", lambda name: forest(trees=4, twigs=1))
+    signature = arguments("forest", wide=wide)
+    registers, stack = resources(compile_megakernel(signature, (9, 0), STACK).report)
+    assert registers <= 64
+    assert stack <= 4 * STACK + 96
+    for name, made in compile_wavefront(signature, (9, 0), STACK).items():
+        registers, stack = resources(made.report)
+        assert registers <= (96 if name == "shade" else 64), name
+        assert stack == (4 * STACK if name in TRACING else 0), name
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
@@ -167,7 +183,7 @@ def test_kernels_for_another_stack_are_other_kernels():
     assert deep - shallow == 4 * 3 * STACK
 
 
-@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh"])
+@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "forest"])
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
     from lumipath.devices.cuda.megakernel import make_vote
 

@@ -211,7 +211,7 @@ class TestLayerFilm:
     def test_memory_is_asked_for_before_it_is_taken(self, monkeypatch):
         monkeypatch.setattr(memory, "available_memory", lambda: 1_000_000)
         with pytest.raises(
-            UsageError, match="1000 x 1000 pixels need 48000000 bytes for the layers normal, and 1000000"
+            UsageError, match="1000 x 1000 pixels need 52000000 bytes for the layers normal, and 1000000"
         ):
             LayerFilm(["normal"], 1000, 1000, 4)
         assert LayerFilm(["normal"], 100, 100, 4).arrays.sums.shape == (100, 100, 3)

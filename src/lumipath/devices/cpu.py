@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..accel.build import build_tree
 from ..accel.bvh8 import WIDTH, widen
+from ..accel.two_level import build_trees
 from ..lang.host import vector_units
 from ..lang.kernel import compile_for
 from ..lang.scalars import quiet_arithmetic
@@ -50,9 +50,10 @@ def with_cpu_tree(packed: Packed, threads: int | None = None) -> PackedScene:
     """The scene with the 8-wide tree that the CPU walks, built by so many threads (all cores where None)."""
     geometry = packed.geometry
     lower, upper = geometry.bounds()
-    tree = build_tree(lower, upper, max_leaf=WIDTH, block=WIDTH, threads=threads or usable_cores())
-    accel = widen(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid())
-    return packed.scene._replace(accel=accel)
+    options = {"max_leaf": WIDTH, "block": WIDTH, "threads": threads or usable_cores()}
+    trees = build_trees(lower, upper, geometry.instancing, **options)
+    accel, roots = widen(trees, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid())
+    return packed.with_tree(accel, roots)
 
 
 def renderer_of(scene: PackedScene) -> Callable[..., Any]:

@@ -18,7 +18,7 @@ from ..kernels.path import Path, shade, start_path
 from ..kernels.rays import Hit, Ray
 from ..kernels.sampler import Numbers, camera_numbers, direction_numbers
 from ..lang import INF, Vec3, aligned_empty, entry, fetch_add, i32, kernel, load, read_clock, store, u32
-from ..pack.layout import TILE
+from ..pack.layout import INSTANCES, TILE
 
 TILE_PIXELS = i32(256)
 BATCH = i32(4096)
@@ -79,7 +79,7 @@ def new_batch() -> Batch:
         return [aligned_empty(size, np.int32) for _ in range(count)]
 
     def rays() -> Rays:
-        return Rays(*floats(7), *ints(1))
+        return Rays(*floats(7), *ints(2))
 
     return Batch(
         rays=rays(),
@@ -148,6 +148,18 @@ def load_path(batch, i, depth):
 
 
 @kernel
+def hit_in_world(scene, rays, i):
+    """What a ray has hit, in a scene without instances."""
+    return Hit(load(rays.t, i), primitive_of(scene.accel, load(rays.slot, i)), i32(-1))
+
+
+@kernel(needs=INSTANCES, otherwise=hit_in_world)
+def hit_of(scene, rays, i):
+    """What a ray has hit."""
+    return Hit(load(rays.t, i), primitive_of(scene.accel, load(rays.slot, i)), load(rays.instance, i))
+
+
+@kernel
 def generate(scene, view, batch, column, row, columns, rows, first, samples):
     """Camera rays for `samples` samples of each pixel of a tile, those of a pixel one after the other."""
     n = i32(0)
@@ -187,7 +199,7 @@ def shade_batch(scene, view, batch, n, depth):
     shadows = i32(0)
     for i in range(n):
         path = load_path(batch, i, depth)
-        hit = Hit(load(batch.rays.t, i), primitive_of(scene.accel, load(batch.rays.slot, i)))
+        hit = hit_of(scene, batch.rays, i)
         owner = load(batch.paths.owner, i)
         numbers = Numbers(
             load(draws, i), load(draws, STRIDE + i), load(draws, 2 * STRIDE + i), load(draws, 3 * STRIDE + i)

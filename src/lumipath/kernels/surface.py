@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from ..lang import Vec3, as_float, as_int, f32, i32, kernel, load, load4, struct
-from ..pack.layout import MATERIAL_MASK, PRIMITIVE_SIZE, QUADRICS, REACH_SHIFT, VERTEX_DATA, VERTEX_SIZE
+from ..pack.layout import INSTANCES, MATERIAL_MASK, PRIMITIVE_SIZE, QUADRICS, REACH_SHIFT, VERTEX_DATA, VERTEX_SIZE
+from .instances import own_material, placed_reach, placement_of
 from .quadrics import normal_to_world, object_normal, object_uv, point_to_object, quadric_at
 from .vectors import cross, dot, normalize, xyz
 
 
 @struct
 class Surface:
-    """A point of a surface, as seen by a ray."""
+    """A point of a surface, as seen by a ray, in world space."""
 
     p: Vec3
     n: Vec3  # geometric normal, towards the ray's origin
     shading: Vec3  # shading normal, towards the ray's origin
     front: bool  # the geometric normal of the primitive itself points to the ray's origin
     material: i32
-    corner: i32  # of a triangle: row of its vertex numbers; -1 otherwise
+    corner: i32  # of a triangle: row of its vertex numbers; -1 otherwise, and where an instance has a material
     u: f32
     v: f32
     w1: f32  # barycentric weights of the second and third corner
@@ -93,18 +94,58 @@ def primitive_normals(scene, primitive, p, n):
     return Normals(world, world, i32(-1), u, v, 0.0, 0.0)
 
 
+@struct
+class Found:
+    """What is known of a primitive where a ray met it; `normals` in world space."""
+
+    normals: Normals
+    material: i32
+    reach: f32
+
+
+@kernel
+def found_in_world(scene, hit, p, n, material, reach):
+    """A primitive that stands alone."""
+    return Found(primitive_normals(scene, hit.primitive, p, n), material, reach)
+
+
+@kernel(needs=INSTANCES, otherwise=found_in_world)
+def found_at(scene, hit, p, n, material, reach):
+    """A primitive that stands alone or in an instance: normals go to the world by the inverse transpose."""
+    if hit.instance < 0:
+        return found_in_world(scene, hit, p, n, material, reach)
+    placement = placement_of(scene, hit.instance)
+    found = primitive_normals(scene, hit.primitive, point_to_object(placement, p), n)
+    own = own_material(scene, hit.instance)
+    return Found(
+        Normals(
+            normalize(normal_to_world(placement, found.n)),
+            normalize(normal_to_world(placement, found.shading)),
+            found.corner if own < 0 else i32(-1),
+            found.u,
+            found.v,
+            found.w1,
+            found.w2,
+        ),
+        material if own < 0 else own,
+        placed_reach(scene, hit.instance, reach, p, hit.t),
+    )
+
+
 @kernel
 def surface_at(scene, ray, hit):
     """The surface that a hit found."""
     row = load4(scene.primitives, hit.primitive * PRIMITIVE_SIZE)
     p = ray.o + ray.d * hit.t
-    found = primitive_normals(scene, hit.primitive, p, xyz(row))
+    word = as_int(row[3])
+    reach = as_float(((word >> REACH_SHIFT) & 255) << 23)
+    placed = found_at(scene, hit, p, xyz(row), i32(word & MATERIAL_MASK), reach)
+    found = placed.normals
     front = dot(found.n, ray.d) < 0.0
     n = found.n if front else -found.n
     shading = found.shading if dot(found.shading, n) >= 0.0 else -found.shading
     # A shading normal that turns away from the viewer would make the surface black: use the true one there.
     shading = shading if dot(shading, ray.d) < 0.0 else n
-    word = as_int(row[3])
-    reach = as_float(((word >> REACH_SHIFT) & 255) << 23)
-    material = i32(word & MATERIAL_MASK)
-    return Surface(p, n, shading, front, material, found.corner, found.u, found.v, found.w1, found.w2, reach)
+    return Surface(
+        p, n, shading, front, placed.material, found.corner, found.u, found.v, found.w1, found.w2, placed.reach
+    )

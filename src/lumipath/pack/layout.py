@@ -32,6 +32,7 @@ LENS = 1 << 16
 ROULETTE = 1 << 17
 WIDE_TREE = 1 << 18
 BLADES = 1 << 22
+INSTANCES = 1 << 29
 
 # Integrators, one at a time; none of these bits is the path tracer.
 WHITTED = 1 << 32
@@ -112,6 +113,17 @@ SPHERE = i32(0)
 OPEN_CONE = i32(1)
 CAPPED_CONE = i32(2)
 
+# ---- instances: 20 floats: world to object as rows of 4, then as bits the link to the target's tree (filled in by each
+#      device), the material in place of those of the target or -1, the number of the shape in the scene, and unused;
+#      what `kernels.instances` makes the reach of a primitive of: scale, shift, spread, unused
+INSTANCE_SIZE = i32(20)
+INSTANCE_LINK = i32(12)
+INSTANCE_MATERIAL = i32(13)
+INSTANCE_SHAPE = i32(14)
+INSTANCE_SCALE = i32(16)
+INSTANCE_SHIFT = i32(17)
+INSTANCE_SPREAD = i32(18)
+
 # ---- lights: 24 floats -----------------------------------------------------------------------------------------------
 # 0 alias threshold, other index, probability, kind; then by kind:
 #   triangle    4 vertex, density per area   8 edge, primitive   12 edge, 1 if two-sided   16 normal, material
@@ -141,6 +153,7 @@ class PackedScene(NamedTuple):
     vertex_materials: NDArray[Any]  # (V,) int32; empty without BLENDED_MATERIALS
     emitter_density: NDArray[Any]  # (P,) float32: density per area of being sampled as a light; 0: not a light
     quadrics: NDArray[Any]  # (Q, 16) float32
+    instances: NDArray[Any]  # (I, 20) float32
     materials: NDArray[Any]  # (M, 28) float32
     phong: NDArray[Any]  # (M, 16) float32
     bsdfs: NDArray[Any]  # (M, 80) float32; empty without BSDFS
@@ -215,12 +228,13 @@ class LayerArrays(NamedTuple):
     """Layers of the first hit as kernels see them.
 
     Sums over the samples (H, W, C) float32, numbers of samples that hit something (H, W) uint32, numbers of samples
-    (H, W) uint32, and the primitive at each pixel's middle (H, W) int32, -1 for none.
+    (H, W) uint32, and the primitive at each pixel's middle (H, W) int32, -1 for none, with its instance, -1 for none.
     """
 
     sums: NDArray[Any]
     hits: NDArray[Any]
     counts: NDArray[Any]
     primitives: NDArray[Any]
+    instances: NDArray[Any]
     columns: LayerColumns
     channels: i32  # C

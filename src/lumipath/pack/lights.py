@@ -47,7 +47,8 @@ def _triangle_rows(geometry: Geometry, emission: NDArray[np.float64]) -> tuple[N
     normals, areas = geometry.face_normals()
     corner_materials = geometry.vertex_materials[geometry.faces]
     weights = areas * emission[corner_materials].mean(axis=1) if len(emission) else areas * 0
-    chosen = np.nonzero(weights > 0)[0]
+    # What instances place emits nothing there, whatever its own material: see `arrange`.
+    chosen = np.nonzero(weights[: geometry.lone_faces] > 0)[0]
     rows = np.zeros((len(chosen), int(layout.LIGHT_SIZE)), np.float32)
     numbers = rows.view(np.int32)
     corners = geometry.vertices[geometry.faces[chosen]]
@@ -73,7 +74,8 @@ def object_area(shape: Sphere | Cone) -> float:
 
 def _quadric_rows(geometry: Geometry, emission: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
     """Emissive quadrics: records without their densities, weights, object areas."""
-    chosen = [k for k, number in enumerate(geometry.quadric_materials) if emission[number] > 0]
+    lone = geometry.quadric_materials[: geometry.lone_quadrics]
+    chosen = [k for k, number in enumerate(lone) if emission[number] > 0]
     rows = np.zeros((len(chosen), int(layout.LIGHT_SIZE)), np.float32)
     numbers = rows.view(np.int32)
     weights, areas = np.zeros(len(chosen)), np.zeros(len(chosen))
@@ -169,7 +171,7 @@ def ambient_light(scene: Scene) -> NDArray[np.float32]:
 
 def scene_radius(geometry: Geometry) -> float:
     """Half the diagonal of the box around all shapes, metres; 1 for an empty scene."""
-    lower, upper = geometry.bounds()
+    lower, upper = geometry.world_bounds()
     if not len(lower):
         return 1.0
     diagonal = float(np.linalg.norm(upper.max(axis=0).astype(np.float64) - lower.min(axis=0)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -23,6 +24,8 @@ from .materials import MaterialTable
 
 # Primitive numbers share a 32-bit word with a flag.
 _MAX_PRIMITIVES = 1 << 29
+# Links of the GPU's trees have so many bits for them.
+_MAX_INSTANCES = 1 << 26
 
 
 @frozen(eq=False)
@@ -32,6 +35,15 @@ class Packed:
     scene: PackedScene
     geometry: Geometry
     material_names: tuple[str, ...]
+
+    def with_tree(self, accel: Any, roots: list[int]) -> PackedScene:
+        """The scene with a tree that a device walks, in which the trees of targets begin at the nodes `roots`."""
+        instancing = self.geometry.instancing
+        if instancing is None:
+            return self.scene._replace(accel=accel)
+        instances = aligned(self.scene.instances)
+        instances.view(np.int32)[:, layout.INSTANCE_LINK] = np.array(roots, np.int32)[instancing.targets]
+        return self.scene._replace(accel=accel, instances=instances)
 
 
 def pack_scene(scene: Scene) -> Packed:
@@ -45,6 +57,10 @@ def pack_scene(scene: Scene) -> Packed:
     primitives = len(geometry.faces) + len(geometry.quadrics)
     if primitives >= _MAX_PRIMITIVES:
         raise SceneError(f"{scene.name} has {primitives} primitives; at most {_MAX_PRIMITIVES} are possible")
+    if geometry.instancing is not None and len(geometry.instancing.rows) >= _MAX_INSTANCES:
+        raise SceneError(
+            f"{scene.name} has {len(geometry.instancing.rows)} instances; at most {_MAX_INSTANCES} are possible"
+        )
     if primitives == 0:
         warnings.warn(f"{scene.name} has no shapes: only its background is rendered", LumipathWarning, stacklevel=2)
     environment = pack_environment(scene.environment) if scene.environment else no_environment()
@@ -76,6 +92,7 @@ def pack_scene(scene: Scene) -> Packed:
             lights.emitter_density if features & layout.SURFACE_LIGHTS else np.zeros(0, np.float32)
         ),
         quadrics=aligned(geometry.quadric_rows),
+        instances=aligned(_instance_rows(geometry)),
         materials=aligned(rows),
         phong=aligned(phong),
         bsdfs=aligned(bsdfs),
@@ -108,6 +125,12 @@ def _primitive_rows(geometry: Geometry) -> NDArray[np.float32]:
     exponents = np.frexp(np.maximum(geometry.reach(), 1e-37))[1].astype(np.uint32) + np.uint32(127)
     rows.view(np.uint32)[:, 3] = exponents << np.uint32(layout.REACH_SHIFT) | materials
     return rows
+
+
+def _instance_rows(geometry: Geometry) -> NDArray[np.float32]:
+    """(I, 20) float32: the records of all instances."""
+    instancing = geometry.instancing
+    return np.zeros((0, int(layout.INSTANCE_SIZE)), np.float32) if instancing is None else instancing.rows
 
 
 _INTEGRATORS = {

@@ -3,6 +3,7 @@
 from .bsdfs import Appearance, Conductor, Diffuse
 from .camera import Camera
 from .digest import scene_digest
+from .instances import Group, Instance, materials_of
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
 from .material import Material, Texture
 from .scene import Scene
@@ -19,6 +20,8 @@ __all__ = [
     "Diffuse",
     "DirectionalLight",
     "Environment",
+    "Group",
+    "Instance",
     "Light",
     "Material",
     "Mesh",
@@ -28,6 +31,7 @@ __all__ = [
     "Sphere",
     "Square",
     "Texture",
+    "materials_of",
     "scene_digest",
     "smooth_normals",
     "transform_mesh",

@@ -51,7 +51,7 @@ LAYERS_TYPE = types.NamedTuple(
     (
         types.Array(types.float32, 3, "C"),
         *([types.Array(types.uint32, 2, "C")] * 2),
-        types.Array(types.int32, 2, "C"),
+        *([types.Array(types.int32, 2, "C")] * 2),
         types.NamedTuple([types.int32] * len(LayerColumns._fields), LayerColumns),
         types.int32,
     ),

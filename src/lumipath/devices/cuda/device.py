@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...accel.build import build_tree
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
+from ...accel.two_level import build_trees
 from ...errors import DeviceError
 from ...lang import Features
 from ...pack.layout import PIXEL_INTEGRATORS, TILE, WIDE_TREE, FilmArrays, LayerArrays, PackedScene, View
@@ -152,12 +152,12 @@ class CudaDevice:
         geometry = packed.geometry
         lower, upper = geometry.bounds()
         wide = len(lower) > SMALL_SCENE
-        tree = build_tree(lower, upper, max_leaf=MAX_LEAF, block=1)
+        trees = build_trees(lower, upper, geometry.instancing, max_leaf=MAX_LEAF, block=1)
         sides, solid = geometry.two_sided, geometry.solid()
-        accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, sides, solid, wide=wide)
+        accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
         self._stack = _STACK if depth <= _STACK else _DEEP_STACK
         features = packed.scene.features.mask | (WIDE_TREE if wide else 0)
-        scene = packed.scene._replace(accel=accel, features=Features(features))
+        scene = packed.with_tree(accel, roots)._replace(features=Features(features))
         for gpu in self._gpus:
             gpu.open()
             self._scenes[gpu.index] = to_device(scene)

@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 
 from ...lang import i32, u32
 from ...lang.cuda import Compiled, compile_cubin
-from ...pack.layout import ADAPTIVE, DIELECTRICS, MIRRORS, PIXEL_INTEGRATORS, QUADRICS, VERTEX_DATA, WIDE_TREE
+from ...pack.layout import (
+    ADAPTIVE,
+    DIELECTRICS,
+    INSTANCES,
+    MIRRORS,
+    PIXEL_INTEGRATORS,
+    QUADRICS,
+    VERTEX_DATA,
+    WIDE_TREE,
+)
 from .arguments import FILM_TYPE, VIEW_TYPE, type_of
 from .driver import DeviceArray, Gpu, Kernel, Stream, flatten_arguments, pointers_to
 from .megakernel import BLOCK, make_refill, make_vote
@@ -17,7 +26,7 @@ from .pixels import make_pixels
 from .wavefront import BLOCKS_PER_MULTIPROCESSOR, ROWS, TRACING, WAVE_TYPE, Wave, make_wavefront
 from .work import COUNTERS, PATHS, REJECTED, WARP, WORK_TYPE, Work, item_count
 
-_RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS
+_RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS | INSTANCES
 # Paths in flight in the wavefront: enough to fill any GPU, and 128 bytes each.
 _SLOTS = 1 << 22
 # Lanes that a multiprocessor holds, and the most planes of sums that a small film gets to have as many.
