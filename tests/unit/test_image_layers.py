@@ -34,12 +34,13 @@ def image():
     pixels = np.random.default_rng(7).uniform(0, 5, (HEIGHT, WIDTH, 3))
     matrix = tuple(float(k) / 2 for k in range(16))
     metadata = {"samples": 4.0, "seed": 3, "object_names": '["floor"]', "worldToCamera": matrix}
-    return Image(pixels, metadata, {name: layer(name, k) for k, name in enumerate(reversed(LAYERS))})
+    return Image(pixels, metadata, {name: layer(name, k) for k, name in enumerate(reversed(REGISTRY))})
 
 
 class TestRegistry:
     def test_settings_and_registry_name_the_same_layers(self):
-        assert tuple(REGISTRY) == LAYERS
+        # One name stands for as many layers as a scene has groups.
+        assert tuple(REGISTRY) == tuple(name for name in LAYERS if name != "light_groups")
 
     def test_the_kernel_fills_what_is_a_mean(self):
         means = {name for name, entry in REGISTRY.items() if entry.made in (Made.SAMPLES, Made.HITS)}
@@ -80,7 +81,7 @@ class TestSetting:
 
 class TestImage:
     def test_layers_by_name(self, image):
-        assert image.layer_names == tuple(reversed(LAYERS))
+        assert image.layer_names == tuple(reversed(REGISTRY))
         assert image["depth"].shape == (HEIGHT, WIDTH, 1)
         assert image["normal"].dtype == np.float32
         assert image["object_id"].dtype == np.int32
@@ -120,7 +121,7 @@ class TestFiles:
         again = Image.load(tmp_path / f"a{suffix}")
         np.testing.assert_array_equal(again.pixels, image.pixels)
         assert set(again.layer_names) == set(image.layer_names)
-        for name in LAYERS:
+        for name in REGISTRY:
             assert again[name].dtype == image[name].dtype
             np.testing.assert_array_equal(again[name], image[name])
         assert again.metadata == image.metadata
@@ -153,7 +154,7 @@ class TestFiles:
     def test_npz_is_for_numpy(self, tmp_path, image):
         image.save(tmp_path / "a.npz")
         with np.load(tmp_path / "a.npz") as archive:
-            assert sorted(archive.files) == sorted(["image", "metadata", *LAYERS])
+            assert sorted(archive.files) == sorted(["image", "metadata", *REGISTRY])
             np.testing.assert_array_equal(archive["image"], image.pixels)
             np.testing.assert_array_equal(archive["object_id"], image["object_id"])
             assert json.loads(str(archive["metadata"]))["seed"] == 3

@@ -13,6 +13,7 @@ from .bsdf.mirror import mirror_direction
 from .camera import camera_ray
 from .environment import environment_from
 from .functions import power_heuristic
+from .light_layers import emitter_group, light_group
 from .lights import emitter_pdf, sample_light
 from .materials import emission_at, is_dielectric, lobes_at, transmittance
 from .rays import SHADOW_END, Ray, endless_ray, no_ray, offset_point
@@ -50,6 +51,8 @@ class Step:
     emitted: Vec3  # radiance that reaches the pixel now
     shadow: Ray  # tmax = 0: none
     direct: Vec3  # radiance that reaches the pixel if nothing is on `shadow`
+    emitter: i32  # light group of `emitted`
+    light: i32  # light group of `direct`
 
 
 @struct
@@ -84,10 +87,10 @@ def no_path():
 
 
 @kernel
-def finish(path, emitted):
+def finish(path, emitted, emitter):
     """The path ends here."""
     ended = Path(path.ray, path.throughput, path.pdf, path.depth, path.medium, False)
-    return Step(ended, emitted, no_ray(), black())
+    return Step(ended, emitted, no_ray(), black(), emitter, i32(0))
 
 
 @kernel
@@ -101,7 +104,7 @@ def escaped(scene, path):
     """Nothing was hit: the environment's light."""
     seen = environment_from(scene, path.ray.d)
     weight = strategy_weight(path.pdf, seen.pdf * scene.environment_probability)
-    return finish(path, path.throughput * seen.radiance * weight)
+    return finish(path, path.throughput * seen.radiance * weight, emitter_group(scene, i32(-1)))
 
 
 @kernel
@@ -164,12 +167,13 @@ class DirectLight:
 
     shadow: Ray
     radiance: Vec3
+    group: i32
 
 
 @kernel
 def no_direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, numbers):
     """A scene without lights."""
-    return DirectLight(no_ray(), black())
+    return DirectLight(no_ray(), black(), i32(0))
 
 
 @kernel(needs=ANY_LIGHT, otherwise=no_direct_light)
@@ -177,7 +181,7 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
     """Next-event estimation of the Lambert lobe, weighted against drawing the same direction from the lobe."""
     n = s.n * side
     o = offset_point(s.p, n, path.ray.tmax, s.reach)
-    light = sample_light(scene, o, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
+    light, number = sample_light(scene, o, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
     cosine = dot(s.shading, light.direction) * side
     reaches = (light.pdf > 0.0) & (cosine > 0.0) & (dot(n, light.direction) > 0.0) & (probability > 0.0)
     competing = lambert_pdf(scene, cosine) * probability
@@ -187,7 +191,7 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
     radiance = radiance * transmittance(scene, medium, light.distance)
     # As values, not as branches: which way it goes cannot be predicted.
     tmax = light.distance * SHADOW_END if reaches else f32(0.0)
-    return DirectLight(Ray(o, light.direction, tmax), radiance)
+    return DirectLight(Ray(o, light.direction, tmax), radiance, light_group(scene, number))
 
 
 @kernel
@@ -238,13 +242,14 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
 
     # Emission of what was hit.
     emitted = black()
+    emitter = emitter_group(scene, s.material)
     radiance = emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)
     if max_component(radiance) > 0.0:
         emitted = throughput * radiance * strategy_weight(path.pdf, emitter_pdf(scene, ray, hit, s))
     lobes = lobes_at(scene, s)
     reach = max_component(lobes.diffuse) + max_component(lobes.mirror) + lobes.transmission
     if (path.depth >= view.max_depth) | (not reach > 0.0):
-        return finish(path, emitted)
+        return finish(path, emitted, emitter)
 
     # The paint on glass is on its outside: seen from within, it scatters light from without, and to there.
     side = f32(-1.0) if behind else f32(1.0)
@@ -268,4 +273,4 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     leaving = offset_point(s.p, s.n if towards > 0.0 else -s.n, hit.t, s.reach)
     beyond = medium_beyond(scene, s, towards > 0.0, medium)
     onward = Path(endless_ray(leaving, drawn.direction), throughput * roulette, drawn.pdf, depth, beyond, alive)
-    return Step(onward, emitted, direct.shadow, direct.radiance)
+    return Step(onward, emitted, direct.shadow, direct.radiance, emitter, direct.group)

@@ -19,13 +19,14 @@ from ..devices.device import Device
 from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
 from ..pack import layout
-from ..pack.scene import Packed, layer_features, pack_scene, pack_view, settings_features
+from ..pack.scene import Packed, film_layers, layer_features, pack_scene, pack_view, settings_features
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
 from .film import Film, level
 from .image import Image
 from .layer_film import LayerFilm
+from .layers import layer_names
 from .noise import begin_goals, needed_samples, raise_goals, tile_errors
 
 # Less time than this is none: a pass takes longer to begin.
@@ -120,10 +121,12 @@ class Session:
         self._view = pack_view(camera, self.settings)
         self._identity = Identity.of(scene, self.settings)
         adaptive = self.settings.noise is not None
-        self.film = Film(int(self._view.film_width), int(self._view.film_height), adaptive)
+        width, height = int(self._view.film_width), int(self._view.film_height)
+        self.film = Film(width, height, adaptive, film_layers(self.settings, scene))
         self._layers: LayerFilm | None = None
-        if self.settings.aov:
-            self._layers = LayerFilm(self.settings.aov, self.film.width, self.film.height, self.settings.sample_limit)
+        apart = [name for name in self.settings.aov if name not in (*self.film.layer_names, "light_groups")]
+        if apart:
+            self._layers = LayerFilm(apart, width, height, self.settings.sample_limit)
         self._file, found = self._open_checkpoint(checkpoint, resume)
         self.device: Device = open_device(device, self.settings.threads, self.settings.kernel)
         try:
@@ -201,6 +204,12 @@ class Session:
             raise CheckpointError(
                 f"{path} was rendered without noise, and cannot be gone on with it; leave it away, or begin anew"
             )
+        missing = [name for name in self.film.layer_names if name not in found.film.layer_names]
+        if missing:
+            raise CheckpointError(
+                f"{path} was rendered without the layers {', '.join(missing)}; leave them away, or begin anew"
+            )
+        found.film.keep_layers(self.film.layer_names)
         return found
 
     @property
@@ -347,11 +356,7 @@ class Session:
         if self.device.even_counts:
             level(found.film, self._render_apart)
         self.device.clear()
-        for array, kept in zip(self.film.arrays, found.film.arrays):
-            # Squares that nobody will go on with are left out.
-            if array.size:
-                array[...] = kept
-        self.film.rejected = found.film.rejected
+        self.film.take(found.film)
         self._estimate = None
         self.render_seconds = found.seconds
         self.resumed = self.film.samples
@@ -403,10 +408,10 @@ class Session:
     def image(self) -> Image:
         """The image and the layers of the samples so far."""
         image = self.checkpoint().image()
-        if self._layers is None:
-            return image
-        metadata = image.metadata | self._layers.metadata(self.scene, self._material_names)
-        return Image(image.pixels, metadata, self._layers.layers(self.film.counts, self._packed, self.scene))
+        if self._layers is not None:
+            image.metadata |= self._layers.metadata(self.scene, self._material_names)
+            image.layers |= self._layers.layers(self.film.counts, self._packed, self.scene)
+        return image.select_layers(*layer_names(self.settings.aov, image.layers))
 
 
 def render(

@@ -9,7 +9,11 @@ from attrs import define, field
 from ..errors import SceneError
 from .camera import Camera
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
+from .material import Material
 from .shapes import Cone, Mesh, Shape, Sphere
+
+DEFAULT_GROUP = "default"
+"""The group of lights that name none."""
 
 
 def _checked(items: Any, classes: tuple[type, ...], wanted: str) -> list[Any]:
@@ -32,6 +36,10 @@ def _lights(value: Any) -> list[Any]:
 
 def _cameras(value: Any) -> list[Any]:
     return _checked(value, (Camera,), "a Camera")
+
+
+def _materials_of(shape: Shape) -> tuple[Material, ...]:
+    return getattr(shape, "vertex_materials", None) or (shape.material,)
 
 
 @define(eq=False, kw_only=True)
@@ -67,6 +75,15 @@ class Scene:
             if str(index) == str(which):
                 return camera
         raise SceneError(f"no camera {which!r} in {self.name}; there is {', '.join(names) or 'only the default one'}")
+
+    @property
+    def light_groups(self) -> tuple[str, ...]:
+        """Names of the groups of all lights: first `default`, for those without a group, then by the alphabet."""
+        groups = {getattr(light, "group", "") for light in self.lights}
+        groups |= {self.environment.group} if self.environment else set()
+        materials = {id(material): material for shape in self.shapes for material in _materials_of(shape)}
+        groups |= {material.group for material in materials.values() if material.is_emissive}
+        return (DEFAULT_GROUP, *sorted(groups - {"", DEFAULT_GROUP}))
 
     @property
     def triangle_count(self) -> int:
