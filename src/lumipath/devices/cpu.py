@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
@@ -14,7 +13,7 @@ import numpy as np
 
 from ..accel.build import build_tree
 from ..accel.bvh8 import WIDTH, widen
-from ..lang.host import vector_units
+from ..lang.host import usable_cores, vector_units
 from ..lang.kernel import compile_for
 from ..lang.scalars import quiet_arithmetic
 from ..pack.layout import PIXEL_INTEGRATORS, FilmArrays, LayerArrays, PackedScene, View
@@ -25,13 +24,6 @@ from .device import DeviceInfo
 from .interrupts import deferred_interrupts
 
 _LOOK_SECONDS = 0.25
-
-
-def usable_cores() -> int:
-    """Number of cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @cache

@@ -13,9 +13,10 @@ from attrs import define, field
 from numpy.typing import NDArray
 
 from ..errors import ImageError, UsageError
+from ..formats.srgb import decode_srgb
 from .channels import layers_among, read_archive, side_by_side, write_archive
 from .files import claim_space, replacing, target_of, temporary_for, try_to_write
-from .tonemap import DATA_INTEGRATORS, check_tonemap, data_to_display, decode_srgb, to_display
+from .tonemap import DATA_INTEGRATORS, check_tonemap, data_to_display, to_display
 
 Floats = NDArray[np.float32]
 
