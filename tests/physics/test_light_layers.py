@@ -268,7 +268,7 @@ def test_a_checkpoint_without_the_layers_is_refused_and_one_with_more_is_taken(s
 
 
 def test_with_noise_and_limits_the_layers_are_those_of_the_same_samples(device, scene):
-    session = session_of(scene, device=device, noise=0.3, spp=200)
+    session = session_of(scene, device=device, noise=0.08, spp=200)
     assert session.film.counts.min() < session.film.counts.max()
     image = session.image()
     for names in (PARTS, groups_of(image)):
@@ -290,7 +290,7 @@ def test_samples_that_are_not_finite_are_in_no_layer(device):
             quad((-9, -9, -1), (9, -9, -1), (9, 9, -1), (-9, 9, -1), material=glowing),
             quad((9, -9, 9), (-9, -9, 9), (-9, 9, 9), (9, 9, 9), material=glowing),
         ],
-        cameras=[Camera(position=(0, 0, 0))],
+        cameras=[Camera(position=(0, 0, 0), fov=10)],
     )
     settings = {"width": 8, "height": 8, "spp": 4, "rr_depth": None, "device": device}
     with pytest.warns(LumipathWarning, match="some samples were not finite; they count as black"):

@@ -109,8 +109,71 @@ class TestImage:
         assert image.select_layers().layer_names == ()
         assert image.select_layers().metadata == image.metadata
 
-    def test_a_notebook_shows_the_image(self, image):
+    def test_a_notebook_shows_the_image_and_every_layer(self, image):
         assert image._repr_png_().startswith(b"\x89PNG")
+        page = image._repr_html_()
+        assert page.count("data:image/png;base64,") == 1 + len(image.layers)
+        for name in image.layer_names:
+            assert f"<br>{name}</span>" in page
+        assert "samples 4" in page
+        assert "worldToCamera" not in page
+
+
+class TestShow:
+    def test_the_image_with_exposure_and_tone_map(self, image):
+        np.testing.assert_array_equal(image.show(1.5, "agx").pixels, image.to_uint8(1.5, "agx"))
+        assert image.show()._repr_png_() == image._repr_png_()
+
+    def test_light_has_exposure(self):
+        grey = np.full((2, 3, 3), 0.125)
+        image = Image(grey, layers={"direct": grey, "light_key": grey, "variance": grey**2, "albedo": grey})
+        for name in ("direct", "light_key", "variance"):
+            assert (image.show(exposure=2, layer=name).pixels == 188).all()
+        assert (image.show(exposure=2, layer="albedo").pixels == image.show(layer="direct").pixels).all()
+
+    def test_normals(self):
+        image = Image(np.zeros((1, 2, 3)), layers={"normal": [[(0, 0, 1), (-1, 0, 0)]]})
+        assert image.show(layer="normal").pixels.tolist() == [[[128, 128, 255], [0, 128, 128]]]
+
+    def test_distances_and_counts_are_shares_of_the_greatest(self):
+        image = Image(
+            np.zeros((1, 3, 3)), layers={"depth": np.array([[0, 5.0, 10]]), "samples": np.array([[32, 64, 64]])}
+        )
+        assert image.show(layer="depth").pixels[0, :, 0].tolist() == [0, 128, 255]
+        assert image.show(layer="samples").pixels[0, :, 2].tolist() == [128, 255, 255]
+
+    def test_places_and_uv(self):
+        image = Image(np.zeros((1, 2, 3)), layers={"position": [[(-1, 0, 1), (1, 1, 1)]], "uv": [[(0, 0), (1, 0.5)]]})
+        assert image.show(layer="position").pixels[0].tolist() == [[0, 128, 255], [255, 255, 255]]
+        assert image.show(layer="uv").pixels[0].tolist() == [[0, 0, 0], [255, 128, 0]]
+
+    def test_numbers_have_colours_of_their_own_and_nothing_is_black(self):
+        image = Image(np.zeros((1, 9, 3)), layers={"object_id": np.arange(-1, 8)[None]})
+        shown = image.show(layer="object_id").pixels[0]
+        assert not shown[0].any()
+        assert len({tuple(colour) for colour in shown.tolist()}) == 9
+
+    def test_values_that_are_not_finite(self):
+        image = Image(
+            np.zeros((1, 2, 3)), layers={"depth": np.array([[np.inf, 2.0]]), "mine": np.full((1, 2, 4), np.nan)}
+        )
+        assert image.show(layer="depth").pixels[0, :, 0].tolist() == [0, 255]
+        assert not image.show(layer="mine").pixels.any()
+
+    def test_small_pictures_are_small(self):
+        image = Image(np.zeros((300, 1000, 3)))
+        assert image.show().smaller(160).pixels.shape[1] <= 160
+        assert image.show().smaller(2000).pixels.shape == (300, 1000, 3)
+
+    def test_errors(self, image):
+        with pytest.raises(UsageError, match="no layer 'dept'"):
+            image.show(layer="dept")
+        with pytest.raises(UsageError, match="tonemap is 'acse'"):
+            image.show(layer="depth", tonemap="acse")
+
+    def test_names_are_escaped(self):
+        image = Image(np.zeros((1, 1, 3)), {"scene": "<b>"}, {"a<b": np.zeros((1, 1))})
+        assert "<b>" not in image._repr_html_()
 
 
 class TestFiles:
