@@ -61,7 +61,7 @@ def diff(
     image: ImageArgument,
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="What IMAGE should look like.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="A heat map of FLIP errors.")
+        Path | None, typer.Option("--output", "-o", "--heat-map", metavar="FILE", help="A heat map of FLIP errors.")
     ] = None,
     fail_above: Annotated[
         list[str] | None,
