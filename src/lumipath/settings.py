@@ -21,10 +21,13 @@ FRESNELS = ("exact", "schlick")
 TONEMAPS = ("none", "linear", "agx", "aces", "reinhard")
 KERNELS = ("auto", "megakernel", "wavefront")
 LAYERS = (
-    *("albedo", "normal", "geometric_normal", "depth", "position", "uv", "emission"),
-    *("object_id", "material_id", "samples"),
+    *("albedo", "normal", "geometric_normal", "depth", "position", "uv", "emission", "direct", "indirect"),
+    *("light_groups", "variance", "object_id", "material_id", "samples"),
 )
 """Layers that can be rendered beside the image; `rendering/layers.py` says what they are."""
+
+LIGHT_LAYERS = ("direct", "indirect", "light_groups")
+"""Layers that only the integrator `path` has."""
 
 PROGRESS_MODES = ("auto", "bar", "json", "none")
 
@@ -218,6 +221,11 @@ class RenderSettings:
             raise UsageError(f"focus is {self.focus:g} and focus_on is {self.focus_on}: give one of them")
         if self.noise is not None and self.kernel == "wavefront":
             raise UsageError("noise needs whole paths in one kernel: leave kernel away, or make it megakernel")
+        for name in self.aov:
+            if name in LIGHT_LAYERS and self.integrator != "path":
+                raise UsageError(f"aov names {name}, which only the integrator path has, not {self.integrator}")
+            if name in (*LIGHT_LAYERS, "emission", "variance") and self.kernel == "wavefront":
+                raise UsageError(f"aov names {name}, which needs whole paths in one kernel: leave kernel away")
 
     @property
     def total_samples(self) -> int | None:

@@ -14,7 +14,13 @@ from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
 from lumipath.accel.two_level import build_trees
 from lumipath.devices.cuda.arguments import FILM_TYPE, LAYERS_TYPE, VIEW_TYPE, type_of
 from lumipath.devices.cuda.layers import compile_layers, make_layers
-from lumipath.devices.cuda.schedulers import compile_megakernel, compile_pixels, compile_wavefront
+from lumipath.devices.cuda.schedulers import (
+    compile_megakernel,
+    compile_paths,
+    compile_pixels,
+    compile_wavefront,
+    compiler_of,
+)
 from lumipath.devices.cuda.wavefront import TRACING
 from lumipath.devices.cuda.work import WORK_TYPE
 from lumipath.lang import Features
@@ -144,6 +150,37 @@ def test_no_integrator_computes_in_double_precision_or_calls_a_function(integrat
 
     signature = arguments("textures", wide=wide, lights=LIGHTS, integrator=integrator, aperture=0.1)
     ptx = compile_ptx(make_pixels(STACK), (*signature, WORK_TYPE), (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert re.search(r"\.f32\s", body)
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
+
+
+EVERY_LAYER = ("emission", "direct", "indirect", "light_groups", "variance")
+
+
+def test_layers_of_light_have_a_kernel_of_their_own_and_others_the_megakernel():
+    def mask(**settings):
+        return arguments("bench-cornell", wide=True, **settings)[0].types[0].mask
+
+    assert compiler_of(mask()) is compiler_of(mask(aov=("albedo", "samples"))) is compile_megakernel
+    assert all(compiler_of(mask(aov=(name,))) is compile_paths for name in EVERY_LAYER)
+    assert compiler_of(mask(aov=("variance",), integrator="ao")) is compile_pixels
+
+
+@pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
+def test_layers_of_light_compile_within_bounds(capability):
+    signature = arguments("primitives", wide=True, aov=EVERY_LAYER, noise=0.1)
+    registers, stack = resources(compile_paths(signature, capability, STACK).report)
+    assert registers <= 168
+    assert stack == 4 * STACK
+
+
+@pytest.mark.parametrize("aov", [EVERY_LAYER, ("light_groups",), ("variance",)], ids=len)
+def test_layers_of_light_need_no_double_precision_and_no_calls(aov):
+    from lumipath.devices.cuda.paths import make_paths
+
+    ptx = compile_ptx(make_paths(STACK), (*arguments("textures", wide=False, aov=aov), WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)

@@ -344,7 +344,7 @@ def test_a_digest_reads_a_shared_mesh_once(monkeypatch):
         (lambda: Instance(Sphere(), transform=np.full((4, 4), np.nan)), "must be finite"),
         (lambda: Instance(Instance(Sphere())), "an instance of an instance is not possible"),
         (lambda: Instance("tree"), "made of a Mesh, Sphere, Cone or Group, not of a str"),
-        (lambda: Instance(Sphere(), material=0.5), "material of an instance is a float"),
+        (lambda: Instance(Sphere(), material=0.5), "a material is 0.5; it must be"),
         (lambda: Instance([Sphere(), Instance(Sphere())]), "item 1 of a group is an Instance: groups do not nest"),
         (lambda: Group([Group([])]), "item 0 of a group is a Group: groups do not nest"),
         (lambda: Group([None]), "item 0 of a group is a NoneType"),

@@ -7,21 +7,21 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
+import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Cone, Instance, Material, Mesh, Scene, Shape, Texture, materials_of
+from ..scene import AnyMaterial, Cone, Instance, Mesh, Scene, Shape, Texture, materials_of
 
 # Triangle record, its share of the tree's nodes, and the vertex data that shading reads.
 _BYTES_PER_TRIANGLE = 160
-_LOBES = ("emission", "diffuse", "specular", "reflective", "transmissive", "ambient")
 
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def summarise(scene: Scene) -> dict[str, Any]:
     """Counts, sizes and bounds of a scene, ready for JSON; lengths in metres, memory in bytes."""
-    materials = _materials(scene)
+    materials = scene.materials()
     textures = {id(texture): texture for material in materials for texture in _textures(material)}
     bounds = scene_bounds(scene)
     environment = scene.environment
@@ -97,25 +97,13 @@ def _count(items: list[Any]) -> dict[str, int]:
     return dict(Counter(type(item).__name__ for item in items))
 
 
-def _shape_materials(shape: Shape | Instance) -> Iterator[Material]:
-    if not isinstance(shape, Instance):
-        yield from materials_of(shape)
-        return
-    for part in shape.parts:
-        yield from shape.materials_of(part)
-
-
-def _materials(scene: Scene) -> list[Material]:
-    """Every material once; two with equal values are still two."""
-    return list({id(material): material for shape in scene.shapes for material in _shape_materials(shape)}.values())
-
-
-def _textures(material: Material) -> Iterator[Texture]:
-    return (value for lobe in _LOBES if isinstance(value := getattr(material, lobe), Texture))
+def _textures(material: AnyMaterial) -> Iterator[Texture]:
+    values = (getattr(material, field.name) for field in attrs.fields(type(material)))
+    return (value for value in values if isinstance(value, Texture))
 
 
 def _emits(shape: Shape | Instance) -> bool:
-    return any(material.is_emissive for material in _shape_materials(shape))
+    return any(material.is_emissive for material in materials_of(shape))
 
 
 def _environment(name: str, shape: tuple[int, ...]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
@@ -14,24 +13,17 @@ import numpy as np
 
 from ..accel.bvh8 import WIDTH, widen
 from ..accel.two_level import build_trees
-from ..lang.host import vector_units
+from ..lang.host import usable_cores, vector_units
 from ..lang.kernel import compile_for
 from ..lang.scalars import quiet_arithmetic
 from ..pack.layout import PIXEL_INTEGRATORS, FilmArrays, LayerArrays, PackedScene, View
 from ..pack.scene import Packed
-from .cpu_batch import BATCH, CANCELLED, REJECTED, TILE_PIXELS, new_batch, render_tiles
+from .cpu_batch import BATCH, CANCELLED, REJECTED, STRIDE, TILE_PIXELS, new_batch, render_tiles
 from .cpu_pixels import render_pixels
 from .device import DeviceInfo
 from .interrupts import deferred_interrupts
 
 _LOOK_SECONDS = 0.25
-
-
-def usable_cores() -> int:
-    """Number of cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @cache
@@ -80,6 +72,8 @@ class CpuDevice:
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
         """Compile the renderer for this scene's features, or load it from the disk."""
+        if len(self._batches[0].parts) < film.parts.shape[-1] * STRIDE:
+            self._batches = [new_batch(film.parts.shape[-1]) for _ in self._batches]
         compile_for(renderer_of(scene), scene, view, film, self._batches[0], np.zeros(4, np.int64), 0)
 
     def next_stop(self, done: int, pixels: int) -> int:

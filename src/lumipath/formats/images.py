@@ -14,6 +14,7 @@ from ..scene import Environment, Texture
 from ..scene.values import Floats
 from .cubemap import equirectangular, find_faces, stack_faces
 from .files import require_file
+from .srgb import decode_srgb
 
 _MAX_PIXELS = 2**28
 
@@ -119,5 +120,4 @@ def _colour_channels(names: list[str], alpha: int) -> list[int]:
 def _linear_of_srgb(dtype: str) -> Floats:
     """The linear value of each number of an unsigned type, by the sRGB curve: (256,) or (65536,) float32."""
     count = np.iinfo(dtype).max + 1
-    value = np.linspace(0.0, 1.0, count)
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return decode_srgb(np.linspace(0.0, 1.0, count))

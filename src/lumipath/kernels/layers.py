@@ -11,6 +11,7 @@ from ..pack.layout import DIELECTRICS, INSTANCES, MIRRORS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.mirror import mirror_direction
 from .camera import axial_distance, camera_ray, central_numbers
+from .environment import environment_from
 from .lobes import Bounce, lobe_probabilities
 from .materials import emission_at, is_dielectric, lobes_at, medium_beyond, transmittance
 from .rays import endless_ray, offset_point
@@ -98,6 +99,9 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         event = i32(turn)
         hit = trace(scene, ray, False)
         if hit.primitive < 0:
+            if event == 0:
+                seen = environment_from(scene, ray.d).radiance
+                first = FirstHit(black(), black(), black(), black(), seen, 0.0, 0.0, 0.0, i32(0), i32(-1))
             break
         s = surface_at(scene, ray, hit)
         if event == 0:

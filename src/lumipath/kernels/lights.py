@@ -243,15 +243,15 @@ def choose_light(scene, pixel, sample, seed, depth, u):
 @kernel
 def sample_nothing(scene, o, pixel, sample, seed, depth, u, v):
     """A scene without lights."""
-    return no_light()
+    return no_light(), i32(-1)
 
 
 @kernel(needs=ANY_LIGHT, otherwise=sample_nothing)
 def sample_light(scene, o, pixel, sample, seed, depth, u, v):
-    """Light that may arrive at the point o."""
+    """Light that may arrive at the point o, and the number of the light that it comes from."""
     chosen = choose_light(scene, pixel, sample, seed, depth, u)
     kind = as_int(light_row(scene, chosen.index, 0)[3])
-    return from_any(scene, chosen.index, kind, o, chosen.rest, v)
+    return from_any(scene, chosen.index, kind, o, chosen.rest, v), chosen.index
 
 
 @kernel

@@ -10,6 +10,7 @@ from ..pack.layout import ROULETTE
 from .camera import camera_ray
 from .environment import environment_from
 from .functions import power_heuristic
+from .light_layers import emitter_group
 from .lights import emitter_pdf
 from .materials import emission_at, is_dielectric, medium_beyond, transmittance
 from .rays import Ray, endless_ray, no_ray, offset_point
@@ -39,6 +40,8 @@ class Step:
     emitted: Vec3  # radiance that reaches the pixel now
     shadow: Ray  # tmax = 0: none
     direct: Vec3  # radiance that reaches the pixel if nothing is on `shadow`
+    emitter: i32  # light group of `emitted`
+    light: i32  # light group of `direct`
 
 
 @kernel
@@ -55,10 +58,10 @@ def no_path():
 
 
 @kernel
-def finish(path, emitted):
+def finish(path, emitted, emitter):
     """The path ends here."""
     ended = Path(path.ray, path.throughput, path.pdf, path.depth, path.medium, False)
-    return Step(ended, emitted, no_ray(), black())
+    return Step(ended, emitted, no_ray(), black(), emitter, i32(0))
 
 
 @kernel
@@ -72,7 +75,7 @@ def escaped(scene, path):
     """Nothing was hit: the environment's light."""
     seen = environment_from(scene, path.ray.d)
     weight = strategy_weight(path.pdf, seen.pdf * scene.environment_probability)
-    return finish(path, path.throughput * seen.radiance * weight)
+    return finish(path, path.throughput * seen.radiance * weight, emitter_group(scene, i32(-1)))
 
 
 @kernel
@@ -115,11 +118,12 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
 
     # Emission of what was hit.
     emitted = black()
+    emitter = emitter_group(scene, s.material)
     radiance = emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)
     if max_component(radiance) > 0.0:
         emitted = throughput * radiance * strategy_weight(path.pdf, emitter_pdf(scene, ray, hit, s))
     if path.depth >= view.max_depth:
-        return finish(path, emitted)
+        return finish(path, emitted, emitter)
 
     # Direct light, and the next direction.
     here = Path(Ray(ray.o, ray.d, hit.t), throughput, path.pdf, path.depth, medium, True)
@@ -133,4 +137,4 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     beyond = medium_beyond(scene, s, outside, medium)
     next_ray = endless_ray(leaving, onward.direction)
     gone = Path(next_ray, throughput * roulette, onward.pdf, depth, beyond, alive)
-    return Step(gone, emitted, onward.shadow, onward.direct)
+    return Step(gone, emitted, onward.shadow, onward.direct, emitter, onward.light)

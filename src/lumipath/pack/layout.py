@@ -45,6 +45,10 @@ LAYERS = 1 << 37
 
 # The film keeps squares of samples, and each tile of it has a goal of its own.
 ADAPTIVE = 1 << 40
+# What `FilmArrays.parts` holds, in this order: emission, direct and indirect light; light by groups; squares.
+PARTS = 1 << 41
+GROUPS = 1 << 42
+VARIANCE = 1 << 43
 
 # Kinds of BSDFs beside the sum of lobes, and what materials do besides.
 ROUGH_DIFFUSE = 1 << 48
@@ -58,6 +62,8 @@ BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRIN
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
+FILM_LAYERS = PARTS | GROUPS | VARIANCE
+"""Layers that every sample of the image adds to."""
 PIXEL_INTEGRATORS = WHITTED | ALBEDO | NORMAL | DEPTH | OCCLUSION | LAYERS
 """Those whose sample is one function, with no batches of paths."""
 
@@ -131,7 +137,9 @@ INSTANCE_SPREAD = i32(18)
 #   point       4 position   8 colour   12 attenuation
 #   directional 4 direction to the light   8 colour
 #   environment nothing more
+# and in the last float the number of the light's group, as bits
 LIGHT_SIZE = i32(24)
+LIGHT_GROUP = i32(23)
 TRIANGLE_LIGHT = i32(0)
 QUADRIC_LIGHT = i32(1)
 POINT_LIGHT = i32(2)
@@ -164,6 +172,8 @@ class PackedScene(NamedTuple):
     first_delta: i32  # the first point or directional light; they follow each other
     delta_count: i32
     ambient: NDArray[Any]  # (4,) float32: sum of the ambient lights rgb, unused
+    light_groups: NDArray[Any]  # (1 + M,) int32: numbers of the groups of the environment and of what materials emit
+    group_count: i32  # number 0 is that of lights without a group
     extent: f32  # diagonal of the box around all shapes, metres
     triangle_count: i32
     environment: NDArray[Any]  # (H * W, 4) float32
@@ -210,6 +220,8 @@ class FilmArrays(NamedTuple):
     counts: NDArray[Any]  # (H, W) uint32: numbers of samples
     squares: NDArray[Any]  # (H, W) float32: sums of the squared luminance of samples; (0, 0) without ADAPTIVE
     goals: NDArray[Any]  # (ceil(H / TILE), ceil(W / TILE)) int32: samples that a tile is to have; or (0, 0)
+    parts: NDArray[Any]  # (H, W, C) float32: sums of the FILM_LAYERS, three columns each; (0, 0, 0) without them
+    parts_lost: NDArray[Any]  # as parts: what the rounding of these sums lost
 
 
 class LayerColumns(NamedTuple):

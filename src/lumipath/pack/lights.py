@@ -93,7 +93,7 @@ def _quadric_rows(geometry: Geometry, emission: NDArray[np.float64]) -> tuple[ND
 
 def _delta_rows(scene: Scene, radius: float) -> tuple[NDArray, NDArray]:
     """Point and directional lights: records and weights."""
-    rows, weights = [], []
+    rows, weights, groups = [], [], _group_numbers(scene)
     for light in scene.lights:
         row = np.zeros(int(layout.LIGHT_SIZE), np.float32)
         if isinstance(light, PointLight) and is_positive(light.colour):
@@ -108,6 +108,7 @@ def _delta_rows(scene: Scene, radius: float) -> tuple[NDArray, NDArray]:
             weights.append(_luminance(np.array(light.colour)) * np.pi * radius**2)
         else:
             continue
+        row.view(np.int32)[layout.LIGHT_GROUP] = groups.get(light.group, 0)
         rows.append(row)
     return np.array(rows, np.float32).reshape(-1, int(layout.LIGHT_SIZE)), np.maximum(np.array(weights), 1e-30)
 
@@ -130,6 +131,10 @@ def collect_lights(
     deltas, delta_weights = _delta_rows(scene, radius)
     environment = np.zeros((1 if environment_mean > 0 else 0, int(layout.LIGHT_SIZE)), np.float32)
     environment.view(np.int32)[:, 3] = layout.ENVIRONMENT_LIGHT
+    groups = light_groups(scene, table)
+    for numbers, material in ((triangles.view(np.int32), 19), (quadrics.view(np.int32), 18)):
+        numbers[:, layout.LIGHT_GROUP] = groups[1 + numbers[:, material]]
+    environment.view(np.int32)[:, layout.LIGHT_GROUP] = groups[0]
     environment_weights = np.full(len(environment), environment_mean * np.pi * max(radius, 1e-9) ** 2)
     rows = np.concatenate([triangles, quadrics, deltas, environment])
     weights = np.concatenate([triangle_weights, quadric_weights, delta_weights, environment_weights])
@@ -158,6 +163,18 @@ def collect_lights(
             features |= bit
     probability = float(probabilities[-1]) if len(environment) else 0.0
     return LightTable(rows, density, probability, features, len(triangles) + len(quadrics), len(deltas))
+
+
+def _group_numbers(scene: Scene) -> dict[str, int]:
+    """Numbers of the light groups by name; a group whose lights are all dark has none."""
+    return {name: number for number, name in enumerate(scene.light_groups)}
+
+
+def light_groups(scene: Scene, table: MaterialTable) -> NDArray[np.int32]:
+    """(1 + M,) int32: numbers of the groups of the environment and of what each material emits."""
+    names = [scene.environment.group if scene.environment else "", *(material.group for material in table.materials)]
+    numbers = _group_numbers(scene)
+    return np.array([numbers.get(name, 0) for name in names], np.int32)
 
 
 def ambient_light(scene: Scene) -> NDArray[np.float32]:

@@ -19,7 +19,7 @@ from . import layout
 from .environment import no_environment, pack_environment
 from .geometry import Geometry, flatten, vertex_rows
 from .layout import PackedScene, View
-from .lights import ambient_light, collect_lights, scene_radius
+from .lights import ambient_light, collect_lights, light_groups, scene_radius
 from .materials import MaterialTable
 
 # Primitive numbers share a 32-bit word with a flag.
@@ -103,6 +103,8 @@ def pack_scene(scene: Scene) -> Packed:
         first_delta=i32(lights.first_delta),
         delta_count=i32(lights.delta_count),
         ambient=aligned(ambient_light(scene)),
+        light_groups=aligned(light_groups(scene, table)),
+        group_count=i32(len(scene.light_groups)),
         extent=f32(2 * radius),
         triangle_count=i32(len(geometry.faces)),
         environment=aligned(environment.texels),
@@ -154,15 +156,40 @@ def _camera_features(settings: RenderSettings, camera: Camera) -> int:
 
 
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
-    """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it looks at no lights."""
-    mask = scene & ~(layout.ANY_LIGHT | layout.MANY_LIGHTS) | layout.LAYERS | _camera_features(settings, camera)
+    """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it samples no
+    lights.
+    """
+    surfaces_only = scene & ~(layout.ANY_LIGHT | layout.MANY_LIGHTS) | scene & layout.ENVIRONMENT
+    mask = surfaces_only | layout.LAYERS | _camera_features(settings, camera)
     return mask | (layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0)
+
+
+# Parts of the light of a pixel, each of which is rendered with the others.
+_PARTS = ("emission", "direct", "indirect")
+
+
+def _film_layer_features(settings: RenderSettings) -> int:
+    """Feature bits of the layers that every sample adds to."""
+    mask = layout.VARIANCE if "variance" in settings.aov else 0
+    if settings.integrator == "path":
+        mask |= layout.PARTS if any(name in settings.aov for name in _PARTS) else 0
+        mask |= layout.GROUPS if "light_groups" in settings.aov else 0
+    return mask
+
+
+def film_layers(settings: RenderSettings, scene: Scene) -> tuple[str, ...]:
+    """Names of the layers in `FilmArrays.parts`, in their order."""
+    mask = _film_layer_features(settings)
+    names: tuple[str, ...] = _PARTS if mask & layout.PARTS else ()
+    names += tuple(f"light_{group}" for group in scene.light_groups) if mask & layout.GROUPS else ()
+    return (*names, "variance") if mask & layout.VARIANCE else names
 
 
 def settings_features(settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the settings."""
     mask = _INTEGRATORS[settings.integrator] | _camera_features(settings, camera)
     mask |= layout.ADAPTIVE if settings.noise is not None else 0
+    mask |= _film_layer_features(settings)
     if mask & layout.PIXEL_INTEGRATORS:
         return mask
     mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0

@@ -177,6 +177,7 @@ class Checkpoint:
                 **attrs.asdict(self.identity),
                 "ranges": [attrs.asdict(part) for part in self.ranges],
                 "size": [width, height],
+                "layers": list(self.film.layer_names),
                 "rejected": self.film.rejected,
                 "seconds": self.seconds,
                 "scene_name": self.scene_name,
@@ -185,7 +186,7 @@ class Checkpoint:
         )
 
     def image(self) -> Image:
-        """The image of its samples."""
+        """The image of its samples, with the layers that they add to."""
         metadata: dict[str, Any] = {"samples": self.film.samples}
         if len({part.seed for part in self.ranges}) == 1:
             metadata["seed"] = self.ranges[0].seed
@@ -201,7 +202,7 @@ class Checkpoint:
             "scene": self.scene_name,
         }
         metadata |= {"version": self.identity.version, "device": self.device, "scene_hash": self.identity.scene}
-        return Image(self.film.mean(), metadata | _camera_matrices(self.identity.settings))
+        return Image(self.film.mean(), metadata | _camera_matrices(self.identity.settings), self.film.layers())
 
     def require_same(self, identity: Identity, path: str | Path, what: str) -> None:
         """Make sure that this checkpoint, from the file `path`, is of the same picture as `what`.
@@ -253,7 +254,8 @@ def _unpacked(archive: zipfile.ZipFile, path: Path) -> Checkpoint:
     width, height = (int(side) for side in header["size"])
     if archive.getinfo("counts.npy").file_size < 4 * width * height:
         raise ValueError(f"it has no film of {width} x {height} pixels")
-    film = Film(width, height, adaptive="squares.npy" in archive.namelist())
+    names = [str(name) for name in header.get("layers", [])]
+    film = Film(width, height, "squares.npy" in archive.namelist(), names)
     for name, array in _kept_arrays(film).items():
         stored = _array(archive, name, array.nbytes)
         if stored.shape != array.shape or stored.dtype != array.dtype:

@@ -1,6 +1,6 @@
 """What a scene is, in world units, validated; knows nothing of files or rendering."""
 
-from .bsdfs import Appearance, Conductor, Diffuse
+from .bsdfs import AnyMaterial, Appearance, Conductor, Diffuse
 from .camera import Camera
 from .digest import scene_digest
 from .instances import Group, Instance, materials_of
@@ -11,6 +11,7 @@ from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_nor
 
 __all__ = [
     "AmbientLight",
+    "AnyMaterial",
     "Appearance",
     "Box",
     "Camera",

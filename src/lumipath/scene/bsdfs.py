@@ -10,7 +10,7 @@ from attrs import field, frozen
 from ..errors import SceneError
 from .material import Colour, Material, Texture, is_positive
 from .metals import METALS
-from .values import colour
+from .values import colour, group_name
 
 Number = float | Texture
 
@@ -47,16 +47,19 @@ class Appearance:
 
     Args:
         emission: radiance that leaves the surface, W/(m^2 sr), linear Rec.709: one number, three, or a `Texture`.
+        group: name of the light group that the emission belongs to, for the layers of `light_groups`.
         name: for messages and look-ups.
     """
 
     emission: Colour | Texture = BLACK
+    group: str = ""
     name: str = ""
 
     # The greatest value of each colour; emission has no bound.
     _limits: ClassVar[dict[str, float]] = {"emission": 1e12}
 
     def __attrs_post_init__(self) -> None:
+        group_name(self.group, f"{_where(self)}: group")
         for name, high in self._limits.items():
             value = getattr(self, name)
             if value is not None and not isinstance(value, Texture):
@@ -167,6 +170,20 @@ class Conductor(Appearance):
     def as_lobes(self) -> Material:
         """A mirror of its colour."""
         return Material(specular=self.face_on(), emission=self.emission, name=self.name)
+
+
+AnyMaterial = Material | Appearance
+
+
+def checked_material(value: Any) -> AnyMaterial:
+    """The value, which must be a material.
+
+    Raises:
+        SceneError: it is something else.
+    """
+    if not isinstance(value, (Material, Appearance)):
+        raise SceneError(f"a material is {value!r}; it must be a Material, Diffuse, Conductor or the like")
+    return value
 
 
 def extinction_of(tint: Colour, distance: float) -> Colour:

@@ -11,7 +11,7 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from .material import Material
+from .bsdfs import AnyMaterial, checked_material
 from .shapes import Cone, Mesh, Shape, Sphere, transform_mesh
 from .values import affine
 
@@ -70,10 +70,8 @@ def _transform(value: Any) -> NDArray[np.float64]:
     return affine(value, "transform of an instance")
 
 
-def _material(value: Any) -> Material | None:
-    if value is not None and not isinstance(value, Material):
-        raise SceneError(f"material of an instance is {_called(value)}; it must be a Material, or None")
-    return value
+def _material(value: Any) -> AnyMaterial | None:
+    return None if value is None else checked_material(value)
 
 
 @frozen(eq=False)
@@ -92,7 +90,7 @@ class Instance:
 
     shape: Mesh | Sphere | Cone | Group = field(converter=_target)
     transform: NDArray[np.float64] = field(factory=_identity, converter=_transform, kw_only=True)
-    material: Material | None = field(default=None, converter=_material, kw_only=True)
+    material: AnyMaterial | None = field(default=None, converter=_material, kw_only=True)
     name: str = field(default="", kw_only=True)
 
     @property
@@ -100,7 +98,7 @@ class Instance:
         """The shapes that it places, as they are before that."""
         return self.shape.shapes if isinstance(self.shape, Group) else (self.shape,)
 
-    def materials_of(self, part: Shape) -> tuple[Material, ...]:
+    def materials_of(self, part: Shape) -> tuple[AnyMaterial, ...]:
         """The materials that a part has here: one for all of it, or one a vertex."""
         return materials_of(part) if self.material is None else (self.material,)
 
@@ -123,8 +121,10 @@ class Instance:
         return [self.copy(part) for part in self.parts]
 
 
-def materials_of(shape: Shape) -> tuple[Material, ...]:
-    """The materials of a shape: one for all of it, or one a vertex."""
+def materials_of(shape: Shape | Instance) -> tuple[AnyMaterial, ...]:
+    """The materials of a shape: one for all of it, or one a vertex; those of an instance as it has them."""
+    if isinstance(shape, Instance):
+        return tuple(material for part in shape.parts for material in shape.materials_of(part))
     if isinstance(shape, Mesh) and shape.vertex_materials is not None:
         return shape.vertex_materials
     return (shape.material,)

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import field, frozen
 
 from ..errors import SceneError
-from .values import Floats, colour, float_array
+from .values import Floats, colour, float_array, group_name
 
 WRAP_MODES = ("repeat", "clamp")
 
@@ -62,6 +62,7 @@ class Material:
         ambient: reflected fraction of ambient light; for Whitted ray tracing only.
         shininess: Phong exponent of a highlight of weight `specular`; for Whitted ray tracing only.
         name: for messages and look-ups.
+        group: name of the light group that the emission belongs to, for the layers of `light_groups`.
     """
 
     emission: Colour | Texture = (0.0, 0.0, 0.0)
@@ -73,6 +74,7 @@ class Material:
     ambient: Colour | Texture = (0.0, 0.0, 0.0)
     shininess: float = 0.0
     name: str = ""
+    group: str = ""
 
     def __attrs_post_init__(self) -> None:
         where = f"material {self.name!r}" if self.name else "material"
@@ -80,6 +82,7 @@ class Material:
             value = getattr(self, lobe)
             if value is not None and not isinstance(value, Texture):
                 object.__setattr__(self, lobe, colour(value, f"{where}: {lobe}"))
+        group_name(self.group, f"{where}: group")
         for number, low, high in (("index", 1e-3, 1e3), ("shininess", 0.0, 1e9)):
             value = getattr(self, number)
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:

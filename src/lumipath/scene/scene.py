@@ -8,10 +8,14 @@ from typing import Any
 from attrs import define, field
 
 from ..errors import SceneError
+from .bsdfs import AnyMaterial
 from .camera import Camera
-from .instances import Instance
+from .instances import Instance, materials_of
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
 from .shapes import Cone, Mesh, Shape, Sphere
+
+DEFAULT_GROUP = "default"
+"""The group of lights that name none."""
 
 
 def _checked(items: Any, classes: tuple[type, ...], wanted: str) -> list[Any]:
@@ -74,6 +78,18 @@ class Scene:
         """All meshes, spheres and cones; those of instances once for each instance."""
         for shape in self.shapes:
             yield from shape.parts if isinstance(shape, Instance) else (shape,)
+
+    def materials(self) -> list[AnyMaterial]:
+        """The materials of all shapes, as instances have them, each once; two with equal values are still two."""
+        return list({id(material): material for shape in self.shapes for material in materials_of(shape)}.values())
+
+    @property
+    def light_groups(self) -> tuple[str, ...]:
+        """Names of the groups of all lights: first `default`, for those without a group, then by the alphabet."""
+        groups = {getattr(light, "group", "") for light in self.lights}
+        groups |= {self.environment.group} if self.environment else set()
+        groups |= {material.group for material in self.materials() if material.is_emissive}
+        return (DEFAULT_GROUP, *sorted(groups - {"", DEFAULT_GROUP}))
 
     @property
     def triangle_count(self) -> int:

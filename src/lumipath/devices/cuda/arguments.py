@@ -44,6 +44,7 @@ FILM_TYPE = types.NamedTuple(
     (
         *([types.Array(types.float32, 3, "C")] * 2),
         *(types.Array(kind, 2, "C") for kind in (types.uint32, types.float32, types.int32)),
+        *([types.Array(types.float32, 3, "C")] * 2),
     ),
     FilmArrays,
 )
