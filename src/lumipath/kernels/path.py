@@ -6,11 +6,11 @@ Schedulers trace a path's ray, call `shade`, trace the shadow ray that it asks f
 from __future__ import annotations
 
 from ..lang import INV_PI, Vec3, f32, i32, inverse, kernel, struct
-from ..pack.layout import ANY_LIGHT, DIELECTRICS, MIRRORS, ROULETTE
+from ..pack.layout import ANY_LIGHT, DIELECTRICS, MIRRORS, ROULETTE, SIGNED_FILTER
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.lambert import lambert_direction, lambert_pdf, lambert_weight
 from .bsdf.mirror import mirror_direction
-from .camera import camera_ray
+from .camera import camera_sample
 from .environment import environment_from
 from .functions import power_heuristic
 from .lights import emitter_pdf, sample_light
@@ -22,11 +22,11 @@ from .vectors import (
     black,
     dot,
     frame_around,
+    max_abs_component,
     max_component,
     mean_component,
     to_local,
     to_world,
-    white,
 )
 
 
@@ -35,7 +35,7 @@ class Path:
     """What a path carries from one surface to the next."""
 
     ray: Ray
-    throughput: Vec3
+    throughput: Vec3  # negative where the sample counts so
     pdf: f32  # density with which ray.d was drawn, per solid angle; 0: no other strategy could have drawn it
     depth: i32  # scattering events so far
     medium: i32  # material that the ray travels in, -1 outside
@@ -73,8 +73,9 @@ class LobeChoice:
 @kernel
 def start_path(scene, view, column, row, numbers):
     """A path that leaves the camera; numbers of `camera_numbers`."""
-    ray = camera_ray(scene, view, column, row, numbers)
-    return Path(ray, white(), 0.0, i32(0), i32(-1), True)
+    sample = camera_sample(scene, view, column, row, numbers)
+    weight = Vec3(sample.weight, sample.weight, sample.weight)
+    return Path(sample.ray, weight, 0.0, i32(0), i32(-1), True)
 
 
 @kernel
@@ -191,6 +192,18 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
 
 
 @kernel
+def largest(scene, throughput):
+    """All samples count positively."""
+    return max_component(throughput)
+
+
+@kernel(needs=SIGNED_FILTER, otherwise=largest)
+def strength(scene, throughput):
+    """How much a path can still bring: its largest component, whatever the sign of its sample."""
+    return max_abs_component(throughput)
+
+
+@kernel
 def survive(scene, view, throughput, depth, pixel, sample):
     """Never end a path by chance."""
     return f32(1.0)
@@ -201,7 +214,7 @@ def roulette_weight(scene, view, throughput, depth, pixel, sample):
     """Russian roulette: 0 ends the path, else the factor that keeps the estimate unbiased (Arvo and Kirk 1990)."""
     if depth < view.rr_depth:
         return f32(1.0)
-    survival = min(max_component(throughput), 1.0)
+    survival = min(strength(scene, throughput), 1.0)
     lives = choice_numbers(scene, pixel, sample, view.seed, depth).c < survival
     return inverse(survival) if lives else f32(0.0)
 
@@ -264,7 +277,7 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     blocked = (drawn.pdf > 0.0) & (towards * side <= 0.0)
     depth = i32(path.depth + 1)
     roulette = roulette_weight(scene, view, throughput, depth, pixel, sample)
-    alive = (not blocked) & (roulette > 0.0) & (max_component(throughput) > 0.0)
+    alive = (not blocked) & (roulette > 0.0) & (strength(scene, throughput) > 0.0)
     leaving = offset_point(s.p, s.n if towards > 0.0 else -s.n, hit.t, s.reach)
     beyond = medium_beyond(scene, s, towards > 0.0, medium)
     onward = Path(endless_ray(leaving, drawn.direction), throughput * roulette, drawn.pdf, depth, beyond, alive)
