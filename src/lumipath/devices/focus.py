@@ -10,7 +10,7 @@ from ..accel.bvh8 import BVH8
 from ..accel.trace8 import intersect
 from ..kernels.camera import axial_length, camera_ray
 from ..kernels.sampler import Numbers
-from ..lang import Features, entry, store
+from ..lang import INF, Features, entry, store
 from ..lang.kernel import compile_for
 from ..pack.layout import CULLING, PROJECTION, QUADRICS, PackedScene, View
 from ..pack.scene import Packed
@@ -23,7 +23,7 @@ def probe(scene, view, column, row, found):
     # The middle of the pixel, and of a lens and a filter that this scene's features leave out.
     ray = camera_ray(scene, view, column, row, Numbers(0.5, 0.5, 0.5, 0.5))
     hit = intersect(scene, ray)
-    store(found, 0, axial_length(scene, view, -ray.d) * hit.t)
+    store(found, 0, axial_length(scene, view, -ray.d) * hit.t if hit.primitive >= 0 else INF)
 
 
 def distance_at(

@@ -22,7 +22,7 @@ def _box(x: _Floats) -> _Floats:
 
 
 def _gaussian(x: _Floats) -> _Floats:
-    # A standard deviation of a third of the radius, lowered so that it ends at 0 (pbrt, 4th edition, section 8.8.3).
+    # A standard deviation of a third of the radius, lowered so that it ends at 0 (pbrt, 4th edition, section 8.8).
     return np.asarray(np.exp(-4.5 * x * x) - np.exp(-4.5))
 
 
