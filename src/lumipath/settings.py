@@ -18,6 +18,11 @@ INTEGRATORS = ("path", "whitted", "albedo", "normal", "depth", "ao")
 SAMPLERS = ("sobol", "independent")
 HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
+PROJECTIONS = ("perspective", "orthographic", "panorama", "fisheye", "fisheye-equisolid")
+"""The projections of `lumipath.Camera`."""
+FILTER_RADII = {"box": 0.5, "gaussian": 1.5, "blackman-harris": 1.5, "mitchell": 2.0}
+"""Pixel filters, and their usual radii in pixels: of pbrt's 4th edition; of Cycles for Blackman and Harris'."""
+FILTERS = tuple(FILTER_RADII)
 TONEMAPS = ("none", "linear", "agx", "aces", "reinhard")
 KERNELS = ("auto", "megakernel", "wavefront")
 LAYERS = (
@@ -179,6 +184,19 @@ class RenderSettings:
     seed: int = _option(0, "Another seed gives independent noise.", _integer(0, (1 << 32) - 1))
     first_sample: int = _option(
         0, "Number of the first sample: machines that share a render take different ones.", _integer(0, 1 << 30)
+    )
+    filter: str = _option("box", "How samples spread over and about a pixel.", _choice(FILTERS), choices=FILTERS)
+    filter_radius: float | None = _option(
+        None,
+        "How far the filter reaches from the middle of a pixel; that of the literature by default.",
+        _optional(_real(1e-3, 64.0)),
+        "pixels",
+    )
+    projection: str | None = _option(
+        None,
+        "How the camera maps directions to pixels; the camera's own by default.",
+        _optional(_choice(PROJECTIONS)),
+        choices=PROJECTIONS,
     )
     aperture: float | None = _option(
         None, "Lens radius; 0 is a pinhole; the camera's own by default.", _optional(_real(0.0, 1e6)), "metres"

@@ -109,6 +109,55 @@ def test_the_stages_of_the_wavefront_compile_within_bounds(wide):
         assert stack == (4 * STACK if name in TRACING else 0), name
 
 
+CAMERAS = [
+    ("orthographic", "gaussian"),
+    ("panorama", "mitchell"),
+    ("fisheye", "box"),
+    ("fisheye-equisolid", "mitchell"),
+]
+
+
+@pytest.mark.parametrize(("projection", "name"), CAMERAS)
+def test_cameras_and_filters_compile_within_bounds(projection, name):
+    settings = {"projection": projection, "filter": name, "aperture": 0.1, "blades": 6}
+    made = compile_megakernel(arguments("bench-cornell", wide=True, **settings), (9, 0), STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 56
+    assert stack <= 4 * STACK + 160
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted", "depth"])
+@pytest.mark.parametrize(("projection", "name"), CAMERAS)
+def test_cameras_and_filters_need_no_double_precision_and_no_calls(integrator, projection, name):
+    from lumipath.devices.cuda.megakernel import make_vote
+    from lumipath.devices.cuda.pixels import make_pixels
+
+    kernel = make_vote(STACK, 8, 8, 2) if integrator == "path" else make_pixels(STACK)
+    settings = {"projection": projection, "filter": name, "aperture": 0.1, "integrator": integrator}
+    ptx = compile_ptx(kernel, (*arguments("bench-cornell", wide=True, **settings), WORK_TYPE), (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
+
+
+def test_a_plain_camera_costs_what_it_did():
+    # Bits of other cameras and filters change the code; without them there is no trace of it.
+    plain = compile_megakernel(arguments("bench-cornell", wide=True), (9, 0), STACK)
+    named = arguments("bench-cornell", wide=True, projection="perspective", filter="box", filter_radius=0.5)
+    assert compile_megakernel(named, (9, 0), STACK).cubin == plain.cubin
+    assert (
+        compile_megakernel(arguments("bench-cornell", wide=True, filter="gaussian"), (9, 0), STACK).cubin != plain.cubin
+    )
+
+
+def test_the_wavefront_compiles_with_signed_samples_within_bounds():
+    signature = arguments("bench-cornell", wide=True, filter="mitchell", projection="fisheye")
+    for name, made in compile_wavefront(signature, (9, 0), STACK).items():
+        registers, stack = resources(made.report)
+        assert registers <= (96 if name == "shade" else 64), name
+        assert stack == (4 * STACK if name in TRACING else 0), name
+
+
 LOOKS = ("albedo", "normal", "depth", "ao")
 LIGHTS = [PointLight(position=(0, 1, 0)), DirectionalLight()]
 

@@ -60,6 +60,23 @@ def test_integrators(gpu, integrator):
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"projection": "orthographic", "filter": "gaussian"},
+        {"projection": "panorama", "aperture": 0.02, "filter": "mitchell"},
+        {"projection": "fisheye", "filter": "blackman-harris"},
+        {"projection": "fisheye-equisolid", "filter": "mitchell", "crop": (10, 20, 70, 61)},
+    ],
+    ids=lambda settings: settings["projection"],
+)
+def test_cameras_and_filters(gpu, kernel, settings):
+    settings = {"width": 96, "spp": 16, **settings}
+    image = render(builtin("primitives"), device=gpu, kernel=kernel, **settings)
+    assert_alike(image, on_cpu("primitives", **settings), differing=0.02)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
 def test_a_render_that_stops_and_goes_on_is_the_same_picture(gpu, tmp_path, kernel):
     settings = RenderSettings(width=64, spp=40, kernel=kernel)
     straight = render(builtin("primitives"), device=gpu, **attrs.asdict(settings))

@@ -79,17 +79,27 @@ def _light(light: Any) -> Dictionary:
     return {"type": "point", "position": list(light.position), "intensity": _colour(np.pi * np.array(light.colour))}
 
 
-def _sensor(camera: Camera, width: int, height: int) -> Dictionary:
+def _sensor(camera: Camera, width: int, height: int, rfilter: Dictionary) -> Dictionary:
     target = np.add(camera.position, camera.direction)
     to_world = mitsuba.ScalarTransform4f().look_at(list(camera.position), target.tolist(), list(camera.up))
-    lens: Dictionary = {"type": "perspective"}
+    lens: Dictionary = {"type": "perspective", "fov": camera.fov, "fov_axis": "y"}
     if camera.aperture > 0:
-        lens = {"type": "thinlens", "aperture_radius": camera.aperture, "focus_distance": camera.focus}
+        lens |= {"type": "thinlens", "aperture_radius": camera.aperture, "focus_distance": camera.focus}
+    elif any(camera.shift):
+        # In parts of the width and of the height, and y counts downwards.
+        longer = max(width, height)
+        lens["principal_point_offset_x"] = camera.shift[0] * longer / width
+        lens["principal_point_offset_y"] = -camera.shift[1] * longer / height
+    if camera.projection == "orthographic":
+        assert width == height
+        assert not any(camera.shift)
+        half = camera.extent / 2
+        lens, to_world = {"type": "orthographic"}, to_world @ mitsuba.ScalarTransform4f().scale([half, half, 1])
     film = {
-        "type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"},
-        "pixel_format": "rgb", "component_format": "float32",
+        "type": "hdrfilm", "width": width, "height": height, "rfilter": rfilter,
+        "pixel_format": "rgb", "component_format": "float32", "sample_border": True,
     }  # fmt: skip
-    return lens | {"fov": camera.fov, "fov_axis": "y", "to_world": to_world, "film": film, "near_clip": 1e-4}
+    return lens | {"to_world": to_world, "film": film, "near_clip": 1e-4}
 
 
 def mitsuba_renders(
@@ -102,6 +112,7 @@ def mitsuba_renders(
     spp: int,
     seeds: int,
     environment: Any = None,
+    rfilter: Dictionary | None = None,
 ) -> np.ndarray:
     """(seeds, H, W, 3): the scene by Mitsuba.
 
@@ -114,12 +125,13 @@ def mitsuba_renders(
         spp: samples per pixel.
         seeds: number of renders.
         environment: a function of directions (..., 3) that gives radiance (..., 3), or None.
+        rfilter: Mitsuba's reconstruction filter; the box where None.
     """
     whole: Dictionary = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": max_depth + 1, "rr_depth": 10_000},
     }
-    whole["sensor"] = _sensor(scene.camera(), width, height)
+    whole["sensor"] = _sensor(scene.camera(), width, height, rfilter or {"type": "box"})
     for k, shape in enumerate(scene.shapes):
         whole[f"shape{k}"] = _shape(shape, folder / f"{k}.ply")
     for k, light in enumerate(scene.lights):

@@ -106,7 +106,7 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         s = surface_at(scene, ray, hit)
         if event == 0:
             emission = emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)
-            depth = axial_distance(view, s.p)
+            depth = axial_distance(scene, view, s.p)
             first = FirstHit(black(), black(), s.n, s.p, emission, s.u, s.v, depth, i32(1), hit.primitive, hit.instance)
         behind = is_dielectric(scene, s.material) & (not s.front)
         medium = s.material if behind else medium

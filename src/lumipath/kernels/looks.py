@@ -61,11 +61,11 @@ def normal(scene, view, trace, column, row, pixel, sample):
 
 @kernel(needs=DEPTH, otherwise=normal)
 def depth(scene, view, trace, column, row, pixel, sample):
-    """Distance from the camera along its viewing direction, in metres."""
+    """Distance from the camera in metres, as `axial_distance` measures it."""
     first = first_of(scene, view, trace, column, row, pixel, sample)
     if first.hit.primitive < 0:
         return black()
-    z = axial_distance(view, first.ray.o + first.ray.d * first.hit.t)
+    z = axial_distance(scene, view, first.ray.o + first.ray.d * first.hit.t)
     return Vec3(z, z, z)
 
 

@@ -6,8 +6,8 @@ Schedulers trace a path's ray, call `shade`, trace the shadow ray that it asks f
 from __future__ import annotations
 
 from ..lang import Vec3, f32, i32, inverse, kernel, struct
-from ..pack.layout import ROULETTE
-from .camera import camera_ray
+from ..pack.layout import ROULETTE, SIGNED_FILTER
+from .camera import camera_sample
 from .environment import environment_from
 from .functions import power_heuristic
 from .light_layers import emitter_group
@@ -17,7 +17,7 @@ from .rays import Ray, endless_ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scatter import scatter
 from .surface import surface_at
-from .vectors import black, dot, max_component, white
+from .vectors import black, dot, max_abs_component, max_component
 
 
 @struct
@@ -25,7 +25,7 @@ class Path:
     """What a path carries from one surface to the next."""
 
     ray: Ray
-    throughput: Vec3
+    throughput: Vec3  # negative where the sample counts so
     pdf: f32  # density with which ray.d was drawn, per solid angle; 0: no other strategy could have drawn it
     depth: i32  # scattering events so far
     medium: i32  # material that the ray travels in, -1 outside
@@ -47,8 +47,9 @@ class Step:
 @kernel
 def start_path(scene, view, column, row, numbers):
     """A path that leaves the camera; numbers of `camera_numbers`."""
-    ray = camera_ray(scene, view, column, row, numbers)
-    return Path(ray, white(), 0.0, i32(0), i32(-1), True)
+    sample = camera_sample(scene, view, column, row, numbers)
+    weight = Vec3(sample.weight, sample.weight, sample.weight)
+    return Path(sample.ray, weight, 0.0, i32(0), i32(-1), True)
 
 
 @kernel
@@ -79,6 +80,18 @@ def escaped(scene, path):
 
 
 @kernel
+def largest(scene, throughput):
+    """All samples count positively."""
+    return max_component(throughput)
+
+
+@kernel(needs=SIGNED_FILTER, otherwise=largest)
+def strength(scene, throughput):
+    """How much a path can still bring: its largest component, whatever the sign of its sample."""
+    return max_abs_component(throughput)
+
+
+@kernel
 def survive(scene, view, throughput, depth, pixel, sample):
     """Never end a path by chance."""
     return f32(1.0)
@@ -89,7 +102,7 @@ def roulette_weight(scene, view, throughput, depth, pixel, sample):
     """Russian roulette: 0 ends the path, else the factor that keeps the estimate unbiased (Arvo and Kirk 1990)."""
     if depth < view.rr_depth:
         return f32(1.0)
-    survival = min(max_component(throughput), 1.0)
+    survival = min(strength(scene, throughput), 1.0)
     lives = choice_numbers(scene, pixel, sample, view.seed, depth).c < survival
     return inverse(survival) if lives else f32(0.0)
 
@@ -131,7 +144,7 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     throughput = throughput * onward.weight
     depth = i32(path.depth + 1)
     roulette = roulette_weight(scene, view, throughput, depth, pixel, sample)
-    alive = (not onward.blocked) & (roulette > 0.0) & (max_component(throughput) > 0.0)
+    alive = (not onward.blocked) & (roulette > 0.0) & (strength(scene, throughput) > 0.0)
     outside = dot(s.n, onward.direction) > 0.0
     leaving = offset_point(s.p, s.n if outside else -s.n, hit.t, s.reach)
     beyond = medium_beyond(scene, s, outside, medium)

@@ -22,7 +22,7 @@ from ..pack.layout import (
 )
 from .bsdf.dielectric import refracted_direction
 from .bsdf.mirror import mirror_direction
-from .camera import camera_ray
+from .camera import camera_sample
 from .environment import environment_from
 from .fresnel import refracted_cosine
 from .functions import unit_power
@@ -301,8 +301,8 @@ def whitted(scene, view, trace, column, row, pixel, sample):
         pixel: its number in the full image.
         sample: number of the sample in the pixel.
     """
-    ray = camera_ray(scene, view, column, row, camera_numbers(scene, pixel, sample, view.seed))
-    branch = Branch(ray, white(), i32(0), i32(-1))
+    seen = camera_sample(scene, view, column, row, camera_numbers(scene, pixel, sample, view.seed))
+    branch = Branch(seen.ray, white(), i32(0), i32(-1))
     stack = stack_floats(_STACK)
     waiting = i32(0)
     total = black()
@@ -321,4 +321,4 @@ def whitted(scene, view, trace, column, row, pixel, sample):
             if going:
                 waiting = i32(waiting - 1)
                 branch = entry_of(stack, waiting)
-    return total
+    return total * seen.weight

@@ -32,6 +32,12 @@ LENS = 1 << 16
 ROULETTE = 1 << 17
 WIDE_TREE = 1 << 18
 BLADES = 1 << 22
+# The window of the image is not about the viewing direction; then projections, at most one: none is perspective.
+SHIFT = 1 << 23
+ORTHOGRAPHIC = 1 << 24
+PANORAMA = 1 << 25
+FISHEYE = 1 << 26
+EQUISOLID = 1 << 27
 INSTANCES = 1 << 29
 
 # Integrators, one at a time; none of these bits is the path tracer.
@@ -58,12 +64,20 @@ THIN_DIELECTRICS = 1 << 51
 PRINCIPLED = 1 << 52
 ANISOTROPY = 1 << 56
 
+# Samples of a pixel are spread by a table, not evenly over its square; some count negatively.
+FILTER = 1 << 45
+SIGNED_FILTER = 1 << 46
+
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
 FILM_LAYERS = PARTS | GROUPS | VARIANCE
 """Layers that every sample of the image adds to."""
+RADIAL = PANORAMA | FISHEYE | EQUISOLID
+"""Projections that look in all directions from one point: depth is the distance from it."""
+PROJECTION = SHIFT | ORTHOGRAPHIC | RADIAL
+"""All that says which direction a point of the image shows."""
 PIXEL_INTEGRATORS = WHITTED | ALBEDO | NORMAL | DEPTH | OCCLUSION | LAYERS
 """Those whose sample is one function, with no batches of paths."""
 
@@ -185,15 +199,22 @@ class PackedScene(NamedTuple):
     environment_probability: f32  # of choosing the environment among the lights
 
 
-# ---- View.lens: where the distance of the plane in focus is
-FOCUS = i32(7)
+# ---- View.lens: what is where
+FOCUS = i32(7)  # distance of the plane in focus
+WINDOW = i32(20)  # middle of the window, x and y; number of a fisheye, see `kernels/camera.py`; unused
+# Weight of a sample of a filter; of a negative one; among positive ones, share of those from two negative lobes; unused
+FILTER_WEIGHTS = i32(24)
+# Two tables, of the positive part of the filter and of its negative one: see `kernels/filters.py`
+FILTER_TABLES = i32(28)
+FILTER_CELLS = i32(256)
 
 
 class View(NamedTuple):
     """Camera, film and limits of one render, as kernels see them."""
 
-    # (20,) float32: position, aperture; right, focus; up, half height; backward, half width;
-    # blades of the aperture, turn of their first corner from the right (turns), unused, unused
+    # (28 or more,) float32: position, aperture; right, focus; up, half height; backward, half width;
+    # blades of the aperture, turn of their first corner from the right (turns), unused, unused;
+    # then as above, tables only with FILTER. Half height and width are those of the window, see `Camera.window`
     lens: NDArray[Any]
     width: i32  # of the full image, pixels
     height: i32

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from typing import Any
 
@@ -16,6 +15,7 @@ from ..lang import Features, aligned, f32, i32, u32
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from . import layout
+from .camera import camera_features, lens_numbers, overridden
 from .environment import no_environment, pack_environment
 from .geometry import Geometry, flatten, vertex_rows
 from .layout import PackedScene, View
@@ -145,22 +145,11 @@ _INTEGRATORS = {
 }
 
 
-def _camera_features(settings: RenderSettings, camera: Camera) -> int:
-    """Feature bits of camera rays."""
-    mask = layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
-    aperture = camera.aperture if settings.aperture is None else settings.aperture
-    blades = camera.blades if settings.blades is None else settings.blades
-    mask |= layout.LENS if aperture > 0 else 0
-    mask |= layout.BLADES if aperture > 0 and blades > 0 else 0
-    return mask
-
-
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
-    """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it samples no
-    lights.
-    """
+    """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it samples no lights."""
     surfaces_only = scene & ~(layout.ANY_LIGHT | layout.MANY_LIGHTS) | scene & layout.ENVIRONMENT
-    mask = surfaces_only | layout.LAYERS | _camera_features(settings, camera)
+    # Means over the positive part of a filter only: no albedo beyond 1, no depth by a division by almost 0.
+    mask = surfaces_only | layout.LAYERS | camera_features(settings, camera, signed=False)
     return mask | (layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0)
 
 
@@ -187,7 +176,8 @@ def film_layers(settings: RenderSettings, scene: Scene) -> tuple[str, ...]:
 
 def settings_features(settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the settings."""
-    mask = _INTEGRATORS[settings.integrator] | _camera_features(settings, camera)
+    shows_light = settings.integrator in ("path", "whitted")
+    mask = _INTEGRATORS[settings.integrator] | camera_features(settings, camera, signed=shows_light)
     mask |= layout.ADAPTIVE if settings.noise is not None else 0
     mask |= _film_layer_features(settings)
     if mask & layout.PIXEL_INTEGRATORS:
@@ -204,30 +194,17 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
     Raises:
         UsageError: the crop or the pixel to focus on lies outside the image, or the image is too large.
     """
-    width, height = settings.size(camera.aspect)
+    camera = overridden(camera, settings)
+    width, height = settings.size(camera.image_aspect)
     left, top, right, bottom = settings.crop_of(width, height)
     settings.check_focus_on(width, height)
-    axes = camera.axes()
     max_depth = settings.max_depth
     if settings.integrator == "whitted" and max_depth > MAX_LEVELS:
         max_depth = int(MAX_LEVELS)
         message = f"max_depth is {settings.max_depth}: the integrator whitted stops at {MAX_LEVELS}"
         warnings.warn(message, LumipathWarning, stacklevel=2)
-    half_height = math.tan(math.radians(camera.fov) / 2)
-    lens = np.zeros((5, 4), np.float32)
-    lens[0, :3] = camera.position
-    lens[1:4, :3] = axes
-    lens[0, 3] = camera.aperture if settings.aperture is None else settings.aperture
-    lens[1, 3] = camera.focus if settings.focus is None else settings.focus
-    lens[2, 3] = half_height
-    # The shape of the pixels follows the image, so that nothing is distorted.
-    lens[3, 3] = half_height * width / height
-    lens[4, 0] = camera.blades if settings.blades is None else settings.blades
-    rotation = camera.blade_rotation if settings.blade_rotation is None else settings.blade_rotation
-    # The first corner points up, a quarter turn from the right.
-    lens[4, 1] = (rotation / 360 + 0.25) % 1.0
     return View(
-        lens=aligned(lens.reshape(-1)),
+        lens=aligned(lens_numbers(camera, settings, width, height)),
         width=i32(width),
         height=i32(height),
         left=i32(left),

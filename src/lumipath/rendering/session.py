@@ -16,6 +16,7 @@ from ..devices.device import Device
 from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
 from ..pack import layout
+from ..pack.camera import camera_features, camera_of
 from ..pack.scene import Packed, film_layers, layer_features, pack_scene, pack_view, settings_features
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
@@ -111,7 +112,7 @@ class Session:
                 LumipathWarning,
                 stacklevel=2,
             )
-        camera = scene.camera(self.settings.camera)
+        camera = camera_of(scene, self.settings)
         self._view = pack_view(camera, self.settings)
         self._identity = Identity.of(scene, self.settings)
         adaptive = self.settings.noise is not None
@@ -146,7 +147,7 @@ class Session:
         packed = self.device.upload(host)
         features = packed.features.mask | settings_features(self.settings, camera)
         if self.settings.focus_on is not None:
-            focus = self._distance_of(self.settings.focus_on, host, packed)
+            focus = self._distance_of(self.settings.focus_on, host, packed, camera)
             self._view = pack_view(camera, attrs.evolve(self.settings, focus=focus, focus_on=None))
         self._packed = packed._replace(features=Features(features))
         self.build_seconds = time.perf_counter() - start
@@ -159,11 +160,12 @@ class Session:
             self.device.compile_layers(self._packed_for_layers, self._view, self._layers.arrays)
         self.compile_seconds = time.perf_counter() - start
 
-    def _distance_of(self, pixel: tuple[int, int], host: Packed, packed: layout.PackedScene) -> float:
-        """How far away what a pixel shows is, along the viewing direction."""
+    def _distance_of(self, pixel: tuple[int, int], host: Packed, packed: layout.PackedScene, camera: Camera) -> float:
+        """How far away what a pixel shows is, measured as the focus is."""
         from ..devices.focus import distance_at
 
-        distance = distance_at(host, packed, self._view, pixel, self.settings.threads)
+        bits = camera_features(self.settings, camera, signed=False)
+        distance = distance_at(host, packed, self._view, pixel, self.settings.threads, bits)
         if distance == float("inf"):
             raise UsageError(f"focus_on {pixel} shows only the background; name a pixel that shows a surface")
         return distance
