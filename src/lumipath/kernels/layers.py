@@ -101,7 +101,7 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         if hit.primitive < 0:
             if event == 0:
                 seen = environment_from(scene, ray.d).radiance
-                first = FirstHit(black(), black(), black(), black(), seen, 0.0, 0.0, 0.0, i32(0), i32(-1))
+                first = FirstHit(black(), black(), black(), black(), seen, 0.0, 0.0, 0.0, i32(0), i32(-1), i32(-1))
             break
         s = surface_at(scene, ray, hit)
         if event == 0:
