@@ -14,6 +14,7 @@ PUBLIC = [
     "AmbientLight",
     "Box",
     "Camera",
+    "Checker",
     "Checkpoint",
     "CheckpointError",
     "Comparison",
@@ -30,6 +31,7 @@ PUBLIC = [
     "LumipathWarning",
     "Material",
     "Mesh",
+    "Mix",
     "PointLight",
     "Progress",
     "RenderError",
@@ -49,6 +51,7 @@ PUBLIC = [
     "list_devices",
     "load",
     "merge",
+    "read_texture",
     "render",
 ]
 

@@ -30,7 +30,7 @@ from ..lang import (
 )
 from ..lang.host import vector_units
 from ..lang.lanes import Simd, bits, fused, gather, select, smallest, store_lanes, vmax, vmin
-from ..pack.layout import CULLING, QUADRICS
+from ..pack.layout import CULLING, OPACITY, QUADRICS
 from .bvh8 import CELLS, GROUP_SIZE, NODE_SIZE, PRIMITIVE_MASK, TWO_SIDED
 from .slabs import WIDER
 from .trace8 import trace_slot
@@ -373,7 +373,7 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
 
 
 @kernel
-def trace_rays(scene, rays, n, order, any_hit, coherent):
+def trace_by_packets(scene, rays, n, order, any_hit, coherent):
     """Trace n rays; their t and slot receive the nearest hit, or, with `any_hit`, a slot of -1 where nothing is."""
     sort_rays(scene.accel, rays, n, order, coherent)
     # Behind the last ray a packet reads on: any ray will do.
@@ -387,3 +387,14 @@ def trace_rays(scene, rays, n, order, any_hit, coherent):
             count = min(i32(end - at), _W)
             trace_packet(scene, rays, order, at, count, i32(run), any_hit)
             at = i32(at + count)
+
+
+@kernel(needs=OPACITY, otherwise=trace_by_packets)
+def trace_rays(scene, rays, n, order, any_hit, coherent):
+    """The same one by one: where rays go through a surface, each has to look for itself."""
+    for i in range(n):
+        o = Vec3(load(rays.ox, i), load(rays.oy, i), load(rays.oz, i))
+        d = Vec3(load(rays.dx, i), load(rays.dy, i), load(rays.dz, i))
+        found = trace_slot(scene, o, d, i32(0), load(rays.t, i), any_hit)
+        store(rays.t, i, found.t)
+        store(rays.slot, i, found.primitive)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..kernels.quadrics import quadric_distance
+from ..kernels.opacity import stopping_quadric_distance, stops
 from ..kernels.rays import Hit
 from ..lang import (
     INF,
@@ -17,7 +17,7 @@ from ..lang import (
     stack_floats,
 )
 from ..lang.lanes import Simd, bits, compress, permute, select, smallest, store_lanes, vmax, vmin
-from ..pack.layout import QUADRICS
+from ..pack.layout import OPACITY, QUADRICS
 from .bvh8 import GROUP_SIZE, NODE_SIZE, PRIMITIVE_MASK
 from .slabs import WIDER, slab_of
 from .triangles8 import hit_group, shear_of
@@ -28,6 +28,37 @@ index8 = Simd(8).index
 _NODE = i32(NODE_SIZE)
 _GROUP = i32(GROUP_SIZE)
 _PRIMITIVE = i32(PRIMITIVE_MASK)
+
+
+@kernel
+def primitive_of(accel, slot):
+    """Primitive number of a slot, -1 for none."""
+    if slot < 0:
+        return i32(-1)
+    group = slot >> 3
+    return i32(as_int(load(accel.groups, group * _GROUP + 72 + (slot & 7))) & _PRIMITIVE)
+
+
+@kernel
+def nearest_lane(scene, group, o, d, hit, distance, found):
+    """`found`, or the nearest of the lanes that are hit."""
+    if bits(hit) == 0:
+        return found
+    t = smallest(select(hit, distance, INF))
+    return Hit(t, i32(group * 8 + lowest_bit(bits((distance == t) & hit))))
+
+
+@kernel(needs=OPACITY, otherwise=nearest_lane)
+def nearest_triangle(scene, group, o, d, hit, distance, found):
+    """`found`, or the nearest of the lanes that are hit and stop the ray."""
+    while bits(hit) != 0:
+        t = smallest(select(hit, distance, INF))
+        lane = i32(lowest_bit(bits((distance == t) & hit)))
+        slot = i32(group * 8 + lane)
+        if stops(scene, primitive_of(scene.accel, slot), o, d, t):
+            return Hit(t, slot)
+        hit = hit & ~(index8() == lane)
+    return found
 
 
 @kernel
@@ -47,7 +78,7 @@ def nearest_quadric(scene, group, o, d, hit):
         if number >= 0:
             primitive = number & _PRIMITIVE
             if primitive >= scene.triangle_count:
-                s = quadric_distance(scene.quadrics, i32(primitive - scene.triangle_count), o, d, t)
+                s = stopping_quadric_distance(scene, primitive, o, d, t)
                 if s < t:
                     t = s
                     slot = i32(group * 8 + k)
@@ -130,11 +161,8 @@ def trace_slot(scene, o, d, link, tmax, any_hit):
         elif link < -1:
             group = i32(-2 - link)
             hit, distance = hit_group(scene, accel.groups, group, sheared, t)
-            lanes = bits(hit)
-            if lanes != 0:
-                t = smallest(select(hit, distance, INF))
-                slot = i32(group * 8 + lowest_bit(bits((distance == t) & hit)))
-            nearest = nearest_quadric(scene, group, o, d, Hit(t, slot))
+            nearest = nearest_triangle(scene, group, o, d, hit, distance, Hit(t, slot))
+            nearest = nearest_quadric(scene, group, o, d, nearest)
             t = nearest.t
             slot = nearest.primitive
             if any_hit and slot >= 0:
@@ -147,15 +175,6 @@ def trace_slot(scene, o, d, link, tmax, any_hit):
             if get(distances, depth) < t:
                 break
         link = as_int(get(stack, depth))
-
-
-@kernel
-def primitive_of(accel, slot):
-    """Primitive number of a slot, -1 for none."""
-    if slot < 0:
-        return i32(-1)
-    group = slot >> 3
-    return i32(as_int(load(accel.groups, group * _GROUP + 72 + (slot & 7))) & _PRIMITIVE)
 
 
 @kernel

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ..kernels.quadrics import quadric_distance
+from ..kernels.opacity import stopping_quadric_distance, stops
 from ..kernels.rays import Hit, Ray
 from ..kernels.vectors import frame_around, to_local, xyz
 from ..lang import INF, Vec3, as_int, f32, get, i32, inverse, kernel, load4, put, struct
 from ..lang.maths import byte0, byte1, byte2, byte3, exact_mul, exact_sub
-from ..pack.layout import CULLING, QUADRICS, WIDE_TREE
+from ..pack.layout import CULLING, OPACITY, QUADRICS, WIDE_TREE
 from .slabs import WIDER
 
 DONE = i32(-(2**31))
@@ -267,18 +267,28 @@ def triangle_distance(scene, ray, a, b, c):
     return t if inside & (t > 0.0) & (t < ray.tmax) else INF
 
 
+@kernel(needs=OPACITY, otherwise=triangle_distance)
+def stopping_triangle_distance(scene, ray, a, b, c):
+    """Distance to a triangle that stops the ray, infinity if it is missed or lets it through."""
+    t = triangle_distance(scene, ray, a, b, c)
+    if t < ray.tmax:
+        if not stops(scene, as_int(a[3]), ray.o, ray.d, t):
+            return INF
+    return t
+
+
 @kernel
 def primitive_distance_triangle(scene, ray, a, b, c):
     """A scene of triangles only."""
-    return triangle_distance(scene, ray, a, b, c)
+    return stopping_triangle_distance(scene, ray, a, b, c)
 
 
 @kernel(needs=QUADRICS, otherwise=primitive_distance_triangle)
 def primitive_distance(scene, ray, a, b, c):
     """Distance to a triangle or a quadric."""
     if b[3] > 1.5:
-        return quadric_distance(scene.quadrics, i32(as_int(a[3]) - scene.triangle_count), ray.o, ray.d, ray.tmax)
-    return triangle_distance(scene, ray, a, b, c)
+        return stopping_quadric_distance(scene, as_int(a[3]), ray.o, ray.d, ray.tmax)
+    return stopping_triangle_distance(scene, ray, a, b, c)
 
 
 @kernel

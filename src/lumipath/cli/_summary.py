@@ -7,14 +7,14 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
+import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Cone, Material, Mesh, Scene, Shape, Texture
+from ..scene import Appearance, Cone, Material, Mesh, Scene, Shape, Texture
 
 # Triangle record, its share of the tree's nodes, and the vertex data that shading reads.
 _BYTES_PER_TRIANGLE = 160
-_LOBES = ("emission", "diffuse", "specular", "reflective", "transmissive", "ambient")
 
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -68,7 +68,8 @@ def _disc_bounds(linear: NDArray[np.float64], centre: NDArray[np.float64], radiu
 
 def memory_estimate(scene: Scene, textures: list[Texture]) -> int:
     """About how many bytes the scene takes while it is rendered, without the film."""
-    images = sum(texture.image.nbytes for texture in textures)
+    # Views of one image share it.
+    images = sum({id(texture.image): texture.image.nbytes for texture in textures}.values())
     environment = scene.environment.image.nbytes if scene.environment is not None else 0
     return math.ceil(scene.triangle_count * _BYTES_PER_TRIANGLE + images + environment)
 
@@ -88,8 +89,12 @@ def _materials(scene: Scene) -> list[Material]:
     return list({id(material): material for shape in scene.shapes for material in _shape_materials(shape)}.values())
 
 
-def _textures(material: Material) -> Iterator[Texture]:
-    return (value for lobe in _LOBES if isinstance(value := getattr(material, lobe), Texture))
+def _textures(material: Material | Appearance) -> Iterator[Texture]:
+    values = [getattr(material, field.name) for field in attrs.fields(type(material))]
+    yield from (value for value in values if isinstance(value, Texture))
+    for part in values:
+        if isinstance(part, Appearance):
+            yield from _textures(part)
 
 
 def _emits(shape: Shape) -> bool:

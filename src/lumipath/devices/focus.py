@@ -13,7 +13,7 @@ from ..kernels.sampler import Numbers
 from ..kernels.vectors import dot, xyz
 from ..lang import Features, entry, load4, store
 from ..lang.kernel import compile_for
-from ..pack.layout import CULLING, QUADRICS, PackedScene, View
+from ..pack.layout import CULLING, OPACITY, QUADRICS, VERTEX_DATA, PackedScene, View
 from ..pack.scene import Packed
 from .cpu import with_cpu_tree
 
@@ -44,7 +44,8 @@ def distance_at(
     """
     scene = uploaded if isinstance(uploaded.accel, BVH8) else with_cpu_tree(packed, threads)
     # Nothing else matters to a ray, so that scenes share the compiled code.
-    features = Features(scene.features.mask & (QUADRICS | CULLING))
+    mask = scene.features.mask
+    features = Features(mask & (QUADRICS | CULLING | (OPACITY | VERTEX_DATA if mask & OPACITY else 0)))
     found = np.full(1, np.nan, np.float32)
     arguments = (scene._replace(features=features), view, *pixel, found)
     compile_for(probe, *arguments)

@@ -11,11 +11,12 @@ from ..pack.layout import DIELECTRICS, MIRRORS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.mirror import mirror_direction
 from .camera import axial_distance, camera_ray, central_numbers
+from .footprints import looked_at_surface
 from .lobes import Bounce, lobe_probabilities
 from .materials import emission_at, is_dielectric, lobes_at, medium_beyond, transmittance
+from .mixes import emitting_material
 from .rays import endless_ray, offset_point
 from .sampler import camera_numbers, choice_numbers, dielectric_number
-from .surface import surface_at
 from .vectors import black, dot, frame_around, mean_component, to_local, to_world, white
 
 # Mirrors and glass that are looked through. What is behind more of them counts as white.
@@ -98,9 +99,9 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         hit = trace(scene, ray, False)
         if hit.primitive < 0:
             break
-        s = surface_at(scene, ray, hit)
+        s = looked_at_surface(scene, view, ray, hit, pixel, sample, event)
         if event == 0:
-            emission = emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)
+            emission = emission_at(scene, emitting_material(scene, s, hit.primitive), s.corner, s.u, s.v, s.w1, s.w2)
             depth = axial_distance(view, s.p)
             first = FirstHit(black(), black(), s.n, s.p, emission, s.u, s.v, depth, i32(1), hit.primitive)
         behind = is_dielectric(scene, s.material) & (not s.front)

@@ -23,6 +23,7 @@ from ..pack.layout import (
 from .alias import Pick, resolve_alias
 from .environment import sample_environment
 from .materials import emission_at
+from .opacity import opacity_at
 from .quadrics import (
     area_scale,
     is_inside,
@@ -98,7 +99,8 @@ def sample_triangle_light(scene, light, o, u, v):
 def triangle_radiance(scene, primitive, material, w1, w2):
     """Radiance of a point on an emissive triangle."""
     u, v = interpolated_uv(scene, primitive, w1, w2)
-    return emission_at(scene, material, primitive * 4, u, v, w1, w2)
+    corner = primitive * 4
+    return emission_at(scene, material, corner, u, v, w1, w2) * opacity_at(scene, material, corner, u, v, w1, w2)
 
 
 @kernel
@@ -145,7 +147,9 @@ def sample_quadric_light(scene, light, o, a, b):
     # The far side of a closed shape is seen from inside only.
     seen = (facing > 0.0) | (q.kind == OPEN_CONE) | is_inside(q, point_to_object(q, o))
     u, v = object_uv(q, point.p, point.n)
-    radiance = emission_at(scene, as_int(names[2]), i32(-1), u, v, 0.0, 0.0)
+    material = as_int(names[2])
+    shown = opacity_at(scene, material, i32(-1), u, v, 0.0, 0.0)
+    radiance = emission_at(scene, material, i32(-1), u, v, 0.0, 0.0) * shown
     pdf = names[3] / area_scale(q, point.n) * distance2 / cosine if (cosine > GRAZING) & seen else f32(0.0)
     return LightSample(direction, distance, radiance, pdf, False)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..lang import Vec3, as_float, as_int, f32, i32, kernel, load, load4, struct
 from ..pack.layout import MATERIAL_MASK, PRIMITIVE_SIZE, QUADRICS, REACH_SHIFT, VERTEX_DATA, VERTEX_SIZE
 from .quadrics import normal_to_world, object_normal, object_uv, point_to_object, quadric_at
+from .tangents import Tangents, no_tangents, quadric_tangents, triangle_tangents
 from .vectors import cross, dot, normalize, xyz
 
 
@@ -23,6 +24,8 @@ class Surface:
     w1: f32  # barycentric weights of the second and third corner
     w2: f32
     reach: f32  # greatest coordinate of the primitive, as a power of 2
+    tangents: Tangents  # of the texture coordinates
+    footprint: f32  # how much of uv a ray covers, along one axis; 0: a point
 
 
 @struct
@@ -36,12 +39,13 @@ class Normals:
     v: f32
     w1: f32
     w2: f32
+    tangents: Tangents
 
 
 @kernel
 def flat_triangle(scene, primitive, p, n):
     """A triangle without vertex data."""
-    return Normals(n, n, i32(-1), 0.0, 0.0, 0.0, 0.0)
+    return Normals(n, n, i32(-1), 0.0, 0.0, 0.0, 0.0, no_tangents())
 
 
 @kernel(needs=VERTEX_DATA, otherwise=flat_triangle)
@@ -71,7 +75,8 @@ def triangle_normals(scene, primitive, p, n):
     smooth = normalize(smooth) if size > 1e-12 else n
     u = p0[3] * w0 + p1[3] * w1 + p2[3] * w2
     v = n0[3] * w0 + n1[3] * w1 + n2[3] * w2
-    return Normals(n, smooth, corner, u, v, w1, w2)
+    tangents = triangle_tangents(scene, e1, e2, p1[3] - p0[3], n1[3] - n0[3], p2[3] - p0[3], n2[3] - n0[3])
+    return Normals(n, smooth, corner, u, v, w1, w2, tangents)
 
 
 @kernel
@@ -90,7 +95,8 @@ def primitive_normals(scene, primitive, p, n):
     local_n = object_normal(q, local)
     u, v = object_uv(q, local, local_n)
     world = normalize(normal_to_world(q, local_n))
-    return Normals(world, world, i32(-1), u, v, 0.0, 0.0)
+    tangents = quadric_tangents(scene, q, local, local_n)
+    return Normals(world, world, i32(-1), u, v, 0.0, 0.0, tangents)
 
 
 @kernel
@@ -107,4 +113,56 @@ def surface_at(scene, ray, hit):
     word = as_int(row[3])
     reach = as_float(((word >> REACH_SHIFT) & 255) << 23)
     material = i32(word & MATERIAL_MASK)
-    return Surface(p, n, shading, front, material, found.corner, found.u, found.v, found.w1, found.w2, reach)
+    return Surface(
+        p,
+        n,
+        shading,
+        front,
+        material,
+        found.corner,
+        found.u,
+        found.v,
+        found.w1,
+        found.w2,
+        reach,
+        found.tangents,
+        0.0,
+    )
+
+
+@kernel
+def changed(s, shading, material, footprint):
+    """The surface with some parts replaced."""
+    return Surface(
+        s.p,
+        s.n,
+        shading,
+        s.front,
+        material,
+        s.corner,
+        s.u,
+        s.v,
+        s.w1,
+        s.w2,
+        s.reach,
+        s.tangents,
+        footprint,
+    )
+
+
+@kernel
+def with_shading(s, shading):
+    """The surface with another shading normal."""
+    return changed(s, shading, s.material, s.footprint)
+
+
+@kernel
+def with_material(s, material):
+    """The surface of another material."""
+    return changed(s, s.shading, material, s.footprint)
+
+
+@kernel
+def with_footprint(s, footprint):
+    """The surface as a ray sees it that covers so much of its texture coordinates."""
+    return changed(s, s.shading, s.material, footprint)

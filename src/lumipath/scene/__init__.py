@@ -4,15 +4,18 @@ from .bsdfs import Appearance, Conductor, Diffuse
 from .camera import Camera
 from .digest import scene_digest
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
-from .material import Material, Texture
+from .material import Material
+from .mix import Mix
 from .scene import Scene
 from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_normals, transform_mesh
+from .textures import Checker, Texture
 
 __all__ = [
     "AmbientLight",
     "Appearance",
     "Box",
     "Camera",
+    "Checker",
     "Conductor",
     "Cone",
     "Cylinder",
@@ -22,6 +25,7 @@ __all__ = [
     "Light",
     "Material",
     "Mesh",
+    "Mix",
     "PointLight",
     "Scene",
     "Shape",
