@@ -11,6 +11,7 @@ from ..pack.layout import (
     ENVIRONMENT_LIGHT,
     LIGHT_SIZE,
     MANY_LIGHTS,
+    OPACITY,
     OPEN_CONE,
     POINT_LIGHT,
     POINT_LIGHTS,
@@ -123,6 +124,18 @@ def interpolated_uv(scene, primitive, w1, w2):
 
 
 @kernel
+def closed(scene):
+    """A scene whose surfaces are all closed."""
+    return False
+
+
+@kernel(needs=OPACITY, otherwise=closed)
+def through_holes(scene):
+    """Whether the far side of a closed shape may be seen from outside."""
+    return True
+
+
+@kernel
 def sample_quadric_light(scene, light, o, a, b):
     """A point on an emissive quadric, with uniform density in its object space."""
     x = light_row(scene, light, 4)
@@ -145,7 +158,7 @@ def sample_quadric_light(scene, light, o, a, b):
     facing = -dot(normal, direction)
     cosine = abs(facing)
     # The far side of a closed shape is seen from inside only.
-    seen = (facing > 0.0) | (q.kind == OPEN_CONE) | is_inside(q, point_to_object(q, o))
+    seen = (facing > 0.0) | (q.kind == OPEN_CONE) | is_inside(q, point_to_object(q, o)) | through_holes(scene)
     u, v = object_uv(q, point.p, point.n)
     material = as_int(names[2])
     shown = opacity_at(scene, material, i32(-1), u, v, 0.0, 0.0)
