@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from judging import assert_same
-from parts import floor, moved, quad, scaled, sky, sphere_mesh
+from parts import floor, hidden_surfaces, moved, quad, scaled, sky, sphere_mesh
 from renders import renders, without_light_sampling
 
 from lumipath.scene import (
@@ -28,27 +28,11 @@ LEAF = Texture(np.concatenate([np.full((8, 8, 3), 0.5), RNG.random((8, 8, 1))], 
 DOWN = Camera.look_at((0, 4, 0.001), (0, 0, 0), up=(0, 0, -1), fov=30)
 
 
-def hidden():
-    """Far below everything: shapes that make all scenes of this page use the same kernels."""
-    small = moved(0, -90, 0) @ scaled(0.01)
-    flat = Texture(np.full((1, 1, 3), 0.5))
-    mix = Mix(first=Conductor(anisotropy=0.5), second=Diffuse(roughness=1.0), weight=flat, opacity=flat)
-    corners = (small @ np.array([(0, 0, 0, 1), (1, 0, 0, 1), (0, 1, 0, 1)]).T).T[:, :3]
-    uvs = [(0, 0), (1, 0), (0, 1)]
-    tinted = Diffuse(normal_map=flat, emission=1e-6, two_sided=False)
-    return [
-        Sphere(transform=small, material=mix),
-        Sphere(transform=small, material=Diffuse(emission=1e-6)),
-        Mesh(vertices=corners, faces=[(0, 1, 2)], uvs=uvs, colours=np.ones((3, 4)), material=tinted),
-        Mesh(vertices=corners, faces=[(0, 1, 2)], normals=np.eye(3) + 0.1, material=tinted),
-    ]
-
-
 def pictures(*shapes, device="cpu", environment=None, lights=(), camera=DOWN, **settings):
     """(seeds, H, W, 3): renders of a scene that shares its kernels with all others here."""
     faint = DirectionalLight(direction=(0, -1, 0), colour=1e-9)
     scene = Scene(
-        shapes=[*shapes, *hidden()],
+        shapes=[*shapes, *hidden_surfaces()],
         lights=[*lights, faint],
         environment=environment or sky(1e-9),
         cameras=[camera],
