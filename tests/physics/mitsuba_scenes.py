@@ -82,7 +82,8 @@ def surface_bsdf(material: Appearance) -> Dictionary:
         assert material.roughness == 0
         made = {"type": "diffuse", "reflectance": _colour(material.reflectance)}
     if material.normal_map is not None:
-        made = {"type": "normalmap", "normalmap": _bitmap(material.normal_map, material.normal_map.image), "bsdf": made}
+        bitmap = _bitmap(material.normal_map, material.normal_map.image)
+        made = {"type": "normalmap", "normalmap": bitmap, "bsdf": made, "use_shadowing_function": False}
     if material.two_sided and not isinstance(material, Mix):
         made = {"type": "twosided", "bsdf": made}
     if material.has_holes:
