@@ -3,6 +3,7 @@
 import re
 import sys
 
+import numpy as np
 import pytest
 
 pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
@@ -27,7 +28,7 @@ from lumipath.lang import Features
 from lumipath.lang.cuda import compile_ptx
 from lumipath.pack.layout import WIDE_TREE, PackedScene
 from lumipath.pack.scene import layer_features, pack_scene, settings_features
-from lumipath.scene import DirectionalLight, PointLight
+from lumipath.scene import Conductor, Diffuse, DirectionalLight, Mesh, Mix, PointLight, Scene, Sphere, Texture
 from lumipath.scenes.forest import forest
 from lumipath.settings import RenderSettings
 
@@ -37,8 +38,8 @@ CAPABILITIES = [(7, 5), (8, 0), (9, 0), (12, 0)]
 
 
 def arguments(name, *, wide, lights=(), **settings):
-    """Argument types of the kernels for a built-in scene with further lights."""
-    scene = builtin(name)
+    """Argument types of the kernels for a scene, or a built-in one, with further lights."""
+    scene = builtin(name) if isinstance(name, str) else name
     scene.lights += lights
     packed = pack_scene(scene)
     geometry = packed.geometry
@@ -274,6 +275,29 @@ def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
     from lumipath.devices.cuda.megakernel import make_vote
 
     ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True), WORK_TYPE), (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert re.search(r"\.f32\s", body)
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
+
+
+def every_surface():
+    """Opacity, mixes, bent normals, anisotropy, vertex colours, and textures of both widths."""
+    data = Texture(np.full((4, 4, 4), 128, np.uint8), srgb=False)
+    metal = Conductor(roughness=data.view("g"), anisotropy=0.5, normal_map=data)
+    mix = Mix(first=metal, second=Diffuse(roughness=1.0, bump_map=data), weight=data, opacity=data.view("a"))
+    lamp = Diffuse(emission=Texture(np.ones((2, 2, 3))), opacity=0.5, two_sided=False)
+    mesh = {"vertices": np.eye(3), "faces": [(0, 1, 2)], "uvs": np.eye(3, 2)}
+    coloured = Mesh(**mesh, material=mix, colours=np.ones((3, 4)), normals=np.eye(3) + 0.1)
+    return Scene(shapes=[coloured, Mesh(**mesh, material=lamp), Sphere(material=mix), Sphere(material=lamp)])
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
+def test_kernels_of_all_surfaces_compute_in_single_precision_and_call_nothing(wide):
+    from lumipath.devices.cuda.megakernel import make_vote
+
+    signature = arguments(every_surface(), wide=wide, lights=LIGHTS)
+    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*signature, WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)

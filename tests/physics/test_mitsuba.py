@@ -5,10 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from judging import ALPHA, assert_same, p_value
-from parts import HIDDEN, floor, hidden, moved, quad, scaled, sphere_mesh
+from parts import HIDDEN, floor, hidden, hidden_surfaces, moved, quad, scaled, sphere_mesh
 from renders import renders
 
-from lumipath.scene import Camera, DirectionalLight, Environment, Material, Mesh, PointLight, Scene, Sphere, Texture
+from lumipath.scene import (
+    Camera,
+    Diffuse,
+    DirectionalLight,
+    Environment,
+    Material,
+    Mesh,
+    Mix,
+    PointLight,
+    Scene,
+    Sphere,
+    Texture,
+)
 from lumipath.scenes import builtin
 
 pytest.importorskip("mitsuba")
@@ -191,3 +203,36 @@ def test_a_smooth_mesh_is_not_a_flat_one(device):
         )
 
     assert p_value(images(True), images(False)) < ALPHA
+
+
+# ---- surfaces --------------------------------------------------------------------------------------------------------
+
+IMAGE = np.random.default_rng(4).random((5, 7, 3)).astype(np.float32)
+BYTES = np.random.default_rng(5).integers(0, 256, (6, 5, 4), np.uint8)
+# Not so steep that a normal turns away from the viewer, which Mitsuba shows as black.
+NORMALS = np.random.default_rng(6).uniform(0.4, 0.6, (4, 4, 3)).astype(np.float32) + (0, 0, 0.4)
+SURFACES = {
+    "mirrored": Diffuse(reflectance=Texture(IMAGE, "mirror", scale=(2.5, 1.5), offset=(0.3, 0.1), rotation=20)),
+    "clamped": Diffuse(reflectance=Texture(BYTES, "clamp", scale=(1.5, 1.5), offset=(-0.2, -0.3))),
+    "nearest": Diffuse(reflectance=Texture(IMAGE, filter="nearest", scale=(1.3, 0.7))),
+    "mask": Diffuse(reflectance=Texture(BYTES), opacity=Texture(BYTES).view("a")),
+    "mix": Mix(first=Diffuse(reflectance=(0.8, 0.2, 0.1)), second=Diffuse(reflectance=0.1), weight=Texture(IMAGE)),
+    "normals": Diffuse(reflectance=0.8, normal_map=Texture(NORMALS)),
+    "two-sided": Diffuse(reflectance=(0.2, 0.7, 0.3), two_sided=False),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_surfaces(device, tmp_path, name):
+    # A leaning sheet above a dark floor, in which its shadow lies; one-sided ones are black from behind in Mitsuba.
+    corners = ((-1, 0.2, 0.6), (1, 0.2, 0.6), (1, 1.4, -0.6), (-1, 1.4, -0.6))
+    sheet = quad(*corners, uv=True, material=SURFACES[name])
+    scene = Scene(shapes=[sheet, floor(2, material=Diffuse(reflectance=0.1))], cameras=[TABLE])
+    theirs = mitsuba_renders(scene, tmp_path, max_depth=12, environment=lobed_sky, **SIZE, **BOTH)
+    scene.shapes.extend(hidden_surfaces())
+    scene.environment = equirectangular(lobed_sky)
+    images = renders(scene, device=device, max_depth=5, **SIZE, **BOTH)
+    if name == "two-sided":
+        # The floor below sees through to the sky, which Mitsuba does not show: the sheet alone.
+        images, theirs = images[:, 4:16, 8:24], theirs[:, 4:16, 8:24]
+    assert_same(images, theirs)

@@ -14,6 +14,7 @@ PUBLIC = [
     "AmbientLight",
     "Box",
     "Camera",
+    "Checker",
     "Checkpoint",
     "CheckpointError",
     "Comparison",
@@ -32,6 +33,7 @@ PUBLIC = [
     "LumipathWarning",
     "Material",
     "Mesh",
+    "Mix",
     "PointLight",
     "Progress",
     "RenderError",
@@ -51,6 +53,7 @@ PUBLIC = [
     "list_devices",
     "load",
     "merge",
+    "read_texture",
     "render",
 ]
 

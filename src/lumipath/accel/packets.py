@@ -31,7 +31,7 @@ from ..lang import (
 )
 from ..lang.host import vector_units
 from ..lang.lanes import Simd, bits, fused, gather, select, smallest, store_lanes, vmax, vmin
-from ..pack.layout import CULLING, INSTANCES, QUADRICS
+from ..pack.layout import CULLING, INSTANCES, OPACITY, QUADRICS
 from .bvh8 import CELLS, GROUP_SIZE, NODE_SIZE, PRIMITIVE_MASK, TWO_SIDED
 from .slabs import WIDER
 from .trace8 import leads_to_instance, trace_slot
@@ -409,7 +409,7 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
 
 
 @kernel
-def trace_rays(scene, rays, n, order, any_hit, coherent):
+def trace_by_packets(scene, rays, n, order, any_hit, coherent):
     """Trace n rays; their t and slot receive the nearest hit, or, with `any_hit`, a slot of -1 where nothing is."""
     sort_rays(scene.accel, rays, n, order, coherent)
     # Behind the last ray a packet reads on: any ray will do.
@@ -423,3 +423,15 @@ def trace_rays(scene, rays, n, order, any_hit, coherent):
             count = min(i32(end - at), _W)
             trace_packet(scene, rays, order, at, count, i32(run), any_hit)
             at = i32(at + count)
+
+
+@kernel(needs=OPACITY, otherwise=trace_by_packets)
+def trace_rays(scene, rays, n, order, any_hit, coherent):
+    """The same one by one: where rays go through a surface, each has to look for itself."""
+    for i in range(n):
+        o = Vec3(load(rays.ox, i), load(rays.oy, i), load(rays.oz, i))
+        d = Vec3(load(rays.dx, i), load(rays.dy, i), load(rays.dz, i))
+        found = trace_slot(scene, Ray(o, d, load(rays.t, i)), i32(0), any_hit)
+        store(rays.t, i, found.t)
+        store(rays.slot, i, found.primitive)
+        put_instance(scene, rays.instance, i, found.instance)

@@ -7,7 +7,7 @@ it is left again.
 from __future__ import annotations
 
 from ..kernels.instances import ray_within, root_of
-from ..kernels.quadrics import quadric_distance
+from ..kernels.opacity import stopping_quadric_distance, stops
 from ..kernels.rays import Hit, Ray
 from ..lang import (
     INF,
@@ -26,7 +26,7 @@ from ..lang import (
     struct,
 )
 from ..lang.lanes import Simd, bits, compress, permute, select, smallest, store_lanes, vmax, vmin
-from ..pack.layout import INSTANCES, QUADRICS
+from ..pack.layout import INSTANCES, OPACITY, QUADRICS
 from .bvh8 import GROUP_SIZE, INSTANCE_LINK, LEAVE, NODE_SIZE, PRIMITIVE_MASK
 from .slabs import WIDER, Slab, slab_of
 from .triangles8 import Shear, hit_group, shear_of
@@ -39,6 +39,37 @@ _GROUP = i32(GROUP_SIZE)
 _PRIMITIVE = i32(PRIMITIVE_MASK)
 _INSTANCE = i32(INSTANCE_LINK)
 _LEAVE = i32(LEAVE)
+
+
+@kernel
+def primitive_of(accel, slot):
+    """Primitive number of a slot, -1 for none."""
+    if slot < 0:
+        return i32(-1)
+    group = slot >> 3
+    return i32(as_int(load(accel.groups, group * _GROUP + 72 + (slot & 7))) & _PRIMITIVE)
+
+
+@kernel
+def nearest_lane(scene, group, ray, hit, distance, found, within):
+    """`found`, or the nearest of the lanes that are hit."""
+    if bits(hit) == 0:
+        return found
+    t = smallest(select(hit, distance, INF))
+    return Hit(t, i32(group * 8 + lowest_bit(bits((distance == t) & hit))), within)
+
+
+@kernel(needs=OPACITY, otherwise=nearest_lane)
+def nearest_triangle(scene, group, ray, hit, distance, found, within):
+    """`found`, or the nearest of the lanes that are hit and stop the ray."""
+    while bits(hit) != 0:
+        t = smallest(select(hit, distance, INF))
+        lane = i32(lowest_bit(bits((distance == t) & hit)))
+        slot = i32(group * 8 + lane)
+        if stops(scene, primitive_of(scene.accel, slot), within, ray.o, ray.d, t):
+            return Hit(t, slot, within)
+        hit = hit & ~(index8() == lane)
+    return found
 
 
 @kernel
@@ -59,7 +90,7 @@ def nearest_quadric(scene, group, ray, hit, within):
         if number >= 0:
             primitive = number & _PRIMITIVE
             if primitive >= scene.triangle_count:
-                s = quadric_distance(scene.quadrics, i32(primitive - scene.triangle_count), ray.o, ray.d, t)
+                s = stopping_quadric_distance(scene, primitive, within, ray.o, ray.d, t)
                 if s < t:
                     t = s
                     slot = i32(group * 8 + k)
@@ -189,12 +220,9 @@ def walk8(scene, ray, link, any_hit, stack, distances):
         elif link < -1:
             group = i32(-2 - link)
             hit, distance = hit_group(scene, scene.accel.groups, group, aim.sheared, t)
-            lanes = bits(hit)
-            if lanes != 0:
-                t = smallest(select(hit, distance, INF))
-                slot = i32(group * 8 + lowest_bit(bits((distance == t) & hit)))
-                instance = aim.within
-            nearest = nearest_quadric(scene, group, aim.ray, Hit(t, slot, instance), aim.within)
+            nearest = Hit(t, slot, instance)
+            nearest = nearest_triangle(scene, group, aim.ray, hit, distance, nearest, aim.within)
+            nearest = nearest_quadric(scene, group, aim.ray, nearest, aim.within)
             t = nearest.t
             slot = nearest.primitive
             instance = nearest.instance
@@ -226,16 +254,6 @@ def trace_slot(scene, ray, link, any_hit):
     return walk8(scene, ray, link, any_hit, stack_floats(1024), stack_floats(1024))
 
 
-@kernel
-def primitive_of(accel, slot):
-    """Primitive number of a slot, -1 for none."""
-    if slot < 0:
-        return i32(-1)
-    group = slot >> 3
-    return i32(as_int(load(accel.groups, group * _GROUP + 72 + (slot & 7))) & _PRIMITIVE)
-
-
-@kernel
 def trace_ray(scene, ray, any_hit):
     """The nearest hit of a ray, or any hit."""
     found = trace_slot(scene, ray, i32(0), any_hit)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from ..kernels.instances import ray_within, root_of
-from ..kernels.quadrics import quadric_distance
+from ..kernels.opacity import stopping_quadric_distance, stops
 from ..kernels.rays import Hit, Ray
 from ..kernels.vectors import dot, frame_around, to_local, xyz
 from ..lang import INF, Vec3, as_float, as_int, f32, get, i32, inverse, kernel, load4, put, sqrt, struct
 from ..lang.maths import byte0, byte1, byte2, byte3, exact_mul, exact_sub
-from ..pack.layout import CULLING, INSTANCES, QUADRICS, WIDE_TREE
+from ..pack.layout import CULLING, INSTANCES, OPACITY, QUADRICS, WIDE_TREE
 from .bvh4 import INSTANCE_COUNT, LEAVE_COUNT
 from .slabs import WIDER
 
@@ -305,17 +305,33 @@ def triangle_distance(scene, ray, a, b, c):
 
 
 @kernel
-def primitive_distance_triangle(scene, ray, a, b, c):
-    """A scene of triangles only."""
+def closed_triangle_distance(scene, ray, within, a, b, c):
+    """A scene whose surfaces are all closed."""
     return triangle_distance(scene, ray, a, b, c)
+
+
+@kernel(needs=OPACITY, otherwise=closed_triangle_distance)
+def stopping_triangle_distance(scene, ray, within, a, b, c):
+    """Distance to a triangle that stops the ray, infinity if it is missed or lets it through."""
+    t = triangle_distance(scene, ray, a, b, c)
+    if t < ray.tmax:
+        if not stops(scene, as_int(a[3]), within, ray.o, ray.d, t):
+            return INF
+    return t
+
+
+@kernel
+def primitive_distance_triangle(scene, ray, within, a, b, c):
+    """A scene of triangles only."""
+    return stopping_triangle_distance(scene, ray, within, a, b, c)
 
 
 @kernel(needs=QUADRICS, otherwise=primitive_distance_triangle)
-def primitive_distance(scene, ray, a, b, c):
+def primitive_distance(scene, ray, within, a, b, c):
     """Distance to a triangle or a quadric."""
     if b[3] > 1.5:
-        return quadric_distance(scene.quadrics, i32(as_int(a[3]) - scene.triangle_count), ray.o, ray.d, ray.tmax)
-    return triangle_distance(scene, ray, a, b, c)
+        return stopping_quadric_distance(scene, as_int(a[3]), within, ray.o, ray.d, ray.tmax)
+    return stopping_triangle_distance(scene, ray, within, a, b, c)
 
 
 @kernel
@@ -339,7 +355,7 @@ def primitive_step(scene, walk, stack, any_hit):
     b = load4(scene.accel.triangles, base + 4)
     c = load4(scene.accel.triangles, base + 8)
     ray = walk.ray
-    t = primitive_distance(scene, ray, a, b, c)
+    t = primitive_distance(scene, ray, walk.within, a, b, c)
     found = t < ray.tmax
     primitive = as_int(a[3]) if found else walk.primitive
     instance = placed_by(scene, walk, found)

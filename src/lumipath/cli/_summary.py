@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import AnyMaterial, Cone, Instance, Mesh, Scene, Shape, Texture, materials_of
+from ..scene import AnyMaterial, Appearance, Cone, Instance, Mesh, Scene, Shape, Texture, materials_of
 
 # Triangle record, its share of the tree's nodes, and the vertex data that shading reads.
 _BYTES_PER_TRIANGLE = 160
@@ -88,7 +88,8 @@ def _disc_bounds(linear: NDArray[np.float64], centre: NDArray[np.float64], radiu
 
 def memory_estimate(scene: Scene, textures: list[Texture]) -> int:
     """About how many bytes the scene takes while it is rendered, without the film."""
-    images = sum(texture.image.nbytes for texture in textures)
+    # Views of one image share it.
+    images = sum({id(texture.image): texture.image.nbytes for texture in textures}.values())
     environment = scene.environment.image.nbytes if scene.environment is not None else 0
     return math.ceil(scene.stored_triangle_count * _BYTES_PER_TRIANGLE + images + environment)
 
@@ -98,8 +99,11 @@ def _count(items: list[Any]) -> dict[str, int]:
 
 
 def _textures(material: AnyMaterial) -> Iterator[Texture]:
-    values = (getattr(material, field.name) for field in attrs.fields(type(material)))
-    return (value for value in values if isinstance(value, Texture))
+    values = [getattr(material, field.name) for field in attrs.fields(type(material))]
+    yield from (value for value in values if isinstance(value, Texture))
+    for part in values:
+        if isinstance(part, Appearance):
+            yield from _textures(part)
 
 
 def _emits(shape: Shape | Instance) -> bool:

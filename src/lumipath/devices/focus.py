@@ -12,7 +12,7 @@ from ..kernels.camera import axial_length, camera_ray
 from ..kernels.sampler import Numbers
 from ..lang import INF, Features, entry, store
 from ..lang.kernel import compile_for
-from ..pack.layout import CULLING, INSTANCES, PROJECTION, QUADRICS, PackedScene, View
+from ..pack.layout import CULLING, INSTANCES, OPACITY, PROJECTION, QUADRICS, VERTEX_DATA, PackedScene, View
 from ..pack.scene import Packed
 from .cpu import with_cpu_tree
 
@@ -49,7 +49,9 @@ def distance_at(
     """
     scene = uploaded if isinstance(uploaded.accel, BVH8) else with_cpu_tree(packed, threads)
     # Nothing else matters to a ray, so that scenes share the compiled code.
-    features = Features(scene.features.mask & (QUADRICS | CULLING | INSTANCES) | camera & PROJECTION)
+    mask = scene.features.mask
+    surfaces = QUADRICS | CULLING | INSTANCES | (OPACITY | VERTEX_DATA if mask & OPACITY else 0)
+    features = Features(mask & surfaces | camera & PROJECTION)
     found = np.full(1, np.nan, np.float32)
     arguments = (scene._replace(features=features), view, *pixel, found)
     compile_for(probe, *arguments)

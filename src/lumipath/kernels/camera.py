@@ -193,6 +193,12 @@ def camera_ray(scene, view, column, row, numbers):
 
 
 @kernel
+def pixel_spread(view):
+    """Width of a pixel's cone of rays per metre of their length."""
+    return 2.0 * load4(view.lens, 8)[3] / f32(view.height)
+
+
+@kernel
 def central_numbers():
     """The middle of the pixel, and of the lens, round or not: there its points begin."""
     return Numbers(0.5, 0.5, 0.0, 0.0)

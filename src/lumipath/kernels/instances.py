@@ -6,7 +6,7 @@ A direction that enters an instance keeps its length in world units, so that dis
 from __future__ import annotations
 
 from ..lang import Vec3, as_int, i32, kernel, load4, struct
-from ..pack.layout import INSTANCE_LINK, INSTANCE_SCALE, INSTANCE_SIZE
+from ..pack.layout import INSTANCE_LINK, INSTANCE_SCALE, INSTANCE_SIZE, INSTANCES
 from .quadrics import point_to_object, vector_to_object
 from .rays import Ray
 from .vectors import max_abs_component, xyz
@@ -49,6 +49,21 @@ def root_of(scene, instance):
 def own_material(scene, instance):
     """The material of an instance in place of those of what it places, or -1."""
     return i32(as_int(load4(scene.instances, instance * INSTANCE_SIZE + INSTANCE_LINK)[1]))
+
+
+@kernel
+def material_alone(scene, instance, material):
+    """A scene without instances."""
+    return material
+
+
+@kernel(needs=INSTANCES, otherwise=material_alone)
+def placed_material(scene, instance, material):
+    """The material of a primitive, or that of the instance which it is in, where that has one of its own."""
+    if instance < 0:
+        return material
+    own = own_material(scene, instance)
+    return material if own < 0 else own
 
 
 @kernel

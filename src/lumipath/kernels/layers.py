@@ -12,11 +12,12 @@ from .bsdf.dielectric import sample_dielectric
 from .bsdf.mirror import mirror_direction
 from .camera import axial_distance, camera_ray, central_numbers
 from .environment import environment_from
+from .footprints import looked_at_surface
 from .lobes import Bounce, lobe_probabilities
 from .materials import emission_at, is_dielectric, lobes_at, medium_beyond, transmittance
+from .mixes import emitting_material
 from .rays import endless_ray, offset_point
 from .sampler import camera_numbers, choice_numbers, dielectric_number
-from .surface import surface_at
 from .vectors import black, dot, frame_around, mean_component, to_local, to_world, white
 
 # Mirrors and glass that are looked through. What is behind more of them counts as white.
@@ -103,9 +104,9 @@ def first_hit(scene, view, trace, ray, pixel, sample):
                 seen = environment_from(scene, ray.d).radiance
                 first = FirstHit(black(), black(), black(), black(), seen, 0.0, 0.0, 0.0, i32(0), i32(-1), i32(-1))
             break
-        s = surface_at(scene, ray, hit)
+        s = looked_at_surface(scene, view, ray, hit, pixel, sample, event)
         if event == 0:
-            emission = emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)
+            emission = emission_at(scene, emitting_material(scene, s, hit.primitive), s.corner, s.u, s.v, s.w1, s.w2)
             depth = axial_distance(scene, view, s.p)
             first = FirstHit(black(), black(), s.n, s.p, emission, s.u, s.v, depth, i32(1), hit.primitive, hit.instance)
         behind = is_dielectric(scene, s.material) & (not s.front)

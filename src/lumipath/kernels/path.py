@@ -9,14 +9,15 @@ from ..lang import Vec3, f32, i32, inverse, kernel, struct
 from ..pack.layout import ROULETTE, SIGNED_FILTER
 from .camera import camera_sample
 from .environment import environment_from
+from .footprints import shading_surface
 from .functions import power_heuristic
 from .light_layers import emitter_group
 from .lights import emitter_pdf
-from .materials import emission_at, is_dielectric, medium_beyond, transmittance
+from .materials import is_dielectric, medium_beyond, seen_emission, transmittance
+from .mixes import emitting_material
 from .rays import Ray, endless_ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scatter import scatter
-from .surface import surface_at
 from .vectors import black, dot, max_abs_component, max_component
 
 
@@ -123,7 +124,7 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     if hit.primitive < 0:
         return escaped(scene, path)
     ray = path.ray
-    s = surface_at(scene, ray, hit)
+    s = shading_surface(scene, view, path, hit, pixel, sample)
     # Arriving at the back of a dielectric means having been inside, whatever the path remembers.
     behind = is_dielectric(scene, s.material) & (not s.front)
     medium = s.material if behind else path.medium
@@ -131,8 +132,11 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
 
     # Emission of what was hit.
     emitted = black()
-    emitter = emitter_group(scene, s.material)
-    radiance = emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)
+    emitting = emitting_material(scene, s, hit.primitive)
+    emitter = emitter_group(scene, emitting)
+    # Light sampling sees textures as they are, so whatever competes with it must, too.
+    footprint = s.footprint if path.depth == 0 else f32(0.0)
+    radiance = seen_emission(scene, emitting, s.corner, s.u, s.v, s.w1, s.w2, footprint)
     if max_component(radiance) > 0.0:
         emitted = throughput * radiance * strategy_weight(path.pdf, emitter_pdf(scene, ray, hit, s))
     if path.depth >= view.max_depth:

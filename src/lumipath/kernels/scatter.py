@@ -18,7 +18,8 @@ from .materials import medium_beyond, transmittance
 from .rays import SHADOW_END, Ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scattered import DirectLight, Scattered
-from .vectors import black, dot, frame_around, length, max_component, to_local, to_world
+from .tangents import shading_frame
+from .vectors import black, dot, length, max_component, to_local, to_world
 
 # Whatever is farther away is not at a place, but in a direction.
 FAR = f32(1e18)
@@ -62,7 +63,7 @@ def no_direct_light():
 @kernel
 def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
     """Direct light, and the next direction; arguments as those of `scatter`."""
-    frame = frame_around(s.shading)
+    frame = shading_frame(scene, s)
     light, number = light_at(scene, view, path, s, pixel, sample, numbers)
     wi = to_local(frame, light.direction)
     choice = choice_numbers(scene, pixel, sample, view.seed, path.depth).b

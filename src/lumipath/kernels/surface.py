@@ -6,6 +6,7 @@ from ..lang import Vec3, as_float, as_int, f32, i32, kernel, load, load4, struct
 from ..pack.layout import INSTANCES, MATERIAL_MASK, PRIMITIVE_SIZE, QUADRICS, REACH_SHIFT, VERTEX_DATA, VERTEX_SIZE
 from .instances import own_material, placed_reach, placement_of
 from .quadrics import normal_to_world, object_normal, object_uv, point_to_object, quadric_at
+from .tangents import Tangents, no_tangents, placed_tangents, quadric_tangents, triangle_tangents
 from .vectors import cross, dot, normalize, xyz
 
 
@@ -24,6 +25,8 @@ class Surface:
     w1: f32  # barycentric weights of the second and third corner
     w2: f32
     reach: f32  # greatest coordinate of the primitive, as a power of 2
+    tangents: Tangents  # of the texture coordinates
+    footprint: f32  # how much of uv a ray covers, along one axis; 0: a point
 
 
 @struct
@@ -37,12 +40,13 @@ class Normals:
     v: f32
     w1: f32
     w2: f32
+    tangents: Tangents
 
 
 @kernel
 def flat_triangle(scene, primitive, p, n):
     """A triangle without vertex data."""
-    return Normals(n, n, i32(-1), 0.0, 0.0, 0.0, 0.0)
+    return Normals(n, n, i32(-1), 0.0, 0.0, 0.0, 0.0, no_tangents())
 
 
 @kernel(needs=VERTEX_DATA, otherwise=flat_triangle)
@@ -72,7 +76,8 @@ def triangle_normals(scene, primitive, p, n):
     smooth = normalize(smooth) if size > 1e-12 else n
     u = p0[3] * w0 + p1[3] * w1 + p2[3] * w2
     v = n0[3] * w0 + n1[3] * w1 + n2[3] * w2
-    return Normals(n, smooth, corner, u, v, w1, w2)
+    tangents = triangle_tangents(scene, e1, e2, p1[3] - p0[3], n1[3] - n0[3], p2[3] - p0[3], n2[3] - n0[3])
+    return Normals(n, smooth, corner, u, v, w1, w2, tangents)
 
 
 @kernel
@@ -91,7 +96,8 @@ def primitive_normals(scene, primitive, p, n):
     local_n = object_normal(q, local)
     u, v = object_uv(q, local, local_n)
     world = normalize(normal_to_world(q, local_n))
-    return Normals(world, world, i32(-1), u, v, 0.0, 0.0)
+    tangents = quadric_tangents(scene, q, local, local_n)
+    return Normals(world, world, i32(-1), u, v, 0.0, 0.0, tangents)
 
 
 @struct
@@ -126,6 +132,7 @@ def found_at(scene, hit, p, n, material, reach):
             found.v,
             found.w1,
             found.w2,
+            placed_tangents(scene, placement, found.tangents),
         ),
         material if own < 0 else own,
         placed_reach(scene, hit.instance, reach, p, hit.t),
@@ -147,5 +154,55 @@ def surface_at(scene, ray, hit):
     # A shading normal that turns away from the viewer would make the surface black: use the true one there.
     shading = shading if dot(shading, ray.d) < 0.0 else n
     return Surface(
-        p, n, shading, front, placed.material, found.corner, found.u, found.v, found.w1, found.w2, placed.reach
+        p,
+        n,
+        shading,
+        front,
+        placed.material,
+        found.corner,
+        found.u,
+        found.v,
+        found.w1,
+        found.w2,
+        placed.reach,
+        found.tangents,
+        0.0,
     )
+
+
+@kernel
+def changed(s, shading, material, footprint):
+    """The surface with some parts replaced."""
+    return Surface(
+        s.p,
+        s.n,
+        shading,
+        s.front,
+        material,
+        s.corner,
+        s.u,
+        s.v,
+        s.w1,
+        s.w2,
+        s.reach,
+        s.tangents,
+        footprint,
+    )
+
+
+@kernel
+def with_shading(s, shading):
+    """The surface with another shading normal."""
+    return changed(s, shading, s.material, s.footprint)
+
+
+@kernel
+def with_material(s, material):
+    """The surface of another material."""
+    return changed(s, s.shading, material, s.footprint)
+
+
+@kernel
+def with_footprint(s, footprint):
+    """The surface as a ray sees it that covers so much of its texture coordinates."""
+    return changed(s, s.shading, s.material, footprint)

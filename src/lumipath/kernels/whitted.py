@@ -28,6 +28,7 @@ from .fresnel import refracted_cosine
 from .functions import unit_power
 from .lights import light_row, sample_directional_light, sample_point_light
 from .materials import emission_at, is_dielectric, lobes_at, medium_beyond, transmittance
+from .normal_maps import mapped_surface
 from .rays import SHADOW_END, Ray, endless_ray, offset_point
 from .sampler import camera_numbers
 from .surface import surface_at
@@ -84,9 +85,9 @@ class Split:
 def material_phong(scene, material, lobes, u, v):
     """Phong's parameters of one material."""
     row = material * PHONG_SIZE
-    ambient = colour_at(scene, load4(scene.phong, row + PHONG_AMBIENT), u, v)
-    highlight = colour_at(scene, load4(scene.phong, row + PHONG_HIGHLIGHT), u, v)
-    mirror = colour_at(scene, load4(scene.phong, row + PHONG_MIRROR), u, v)
+    ambient = colour_at(scene, load4(scene.phong, row + PHONG_AMBIENT), u, v, 0.0)
+    highlight = colour_at(scene, load4(scene.phong, row + PHONG_HIGHLIGHT), u, v, 0.0)
+    mirror = colour_at(scene, load4(scene.phong, row + PHONG_MIRROR), u, v, 0.0)
     exponent = load4(scene.phong, row + PHONG_EXPONENT)[0]
     return Phong(ambient, lobes.diffuse, highlight, exponent, mirror, lobes.index, lobes.internal_tint)
 
@@ -244,7 +245,7 @@ def split(scene, view, trace, branch):
     if hit.primitive < 0:
         radiance = environment_from(scene, branch.ray.d).radiance
         return Split(branch.weight * radiance, dead(branch), dead(branch))
-    s = surface_at(scene, branch.ray, hit)
+    s = mapped_surface(scene, branch.ray, hit)
     # As in the path tracer: at the back of a dielectric one has been inside, and its paint lies on its outside.
     behind = is_dielectric(scene, s.material) & (not s.front)
     medium = s.material if behind else branch.medium

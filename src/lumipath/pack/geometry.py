@@ -6,7 +6,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from ..scene import Cone, Mesh, Scene, Shape, Sphere
+from ..scene import AnyMaterial, Appearance, Cone, Mesh, Scene, Shape, Sphere
 from . import layout
 from .instances import Arrangement, Instancing, arrange, cluster_boxes, instance_rows, placed_boxes
 from .materials import MaterialTable
@@ -17,9 +17,10 @@ class Geometry:
     """All shapes of a scene, concatenated: those that stand alone first, then those of targets, in their coordinates.
 
     vertices (V, 3) float32; normals (V, 3) float32, 0 where a mesh has none; uvs (V, 2) float32; faces (T, 3) int32;
-    face_materials (T,) int32; two_sided (T,) bool; vertex_materials (V,) int32; quadrics: the shapes, with their
-    records (Q, 16) float32 and quadric_materials (Q,) int32; instancing: what is placed where, or None; features: bits
-    of `layout`.
+    face_materials (T,) int32; two_sided (T,) bool; vertex_materials (V,) int32; vertex_colours (V, 4) float32, 1 where
+    a mesh has none, or no rows where no mesh has any; quadrics: the shapes, with their records (Q, 16) float32 and
+    quadric_materials (Q,) int32; instancing: what is placed where, or None; open_materials (M,) bool, whether rays may
+    go through; features: bits of `layout`.
     """
 
     vertices: NDArray[np.float32]
@@ -29,10 +30,12 @@ class Geometry:
     face_materials: NDArray[np.int32]
     two_sided: NDArray[np.bool_]
     vertex_materials: NDArray[np.int32]
+    vertex_colours: NDArray[np.float32]
     quadrics: list[Sphere | Cone]
     quadric_rows: NDArray[np.float32]
     quadric_materials: NDArray[np.int32]
     instancing: Instancing | None
+    open_materials: NDArray[np.bool_]
     features: int
 
     @property
@@ -56,6 +59,13 @@ class Geometry:
     def solid(self) -> NDArray[np.bool_]:
         """Whether each face has an area, (T,)."""
         return self.face_normals()[1] > 0
+
+    def holes(self) -> NDArray[np.bool_]:
+        """Whether rays may go through each primitive, (P,)."""
+        through = self.open_materials[np.concatenate([self.face_materials, self.quadric_materials])]
+        if len(self.vertex_colours):
+            through[: len(self.faces)] |= (self.vertex_colours[:, 3] < 1)[self.faces].any(axis=1)
+        return through
 
     def reach(self) -> NDArray[np.float64]:
         """Greatest coordinate of each primitive, (P,): what the rounding of a hit grows with."""
@@ -130,16 +140,20 @@ def flatten(scene: Scene, table: MaterialTable) -> Geometry:
     shapes += [part for target in arrangement.targets for part in target.parts]
     meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
     quadrics = [shape for shape in shapes if not isinstance(shape, Mesh)]
-    vertices, normals, uvs, faces, face_materials, two_sided, vertex_materials = ([] for _ in range(7))
+    vertices, normals, uvs, faces, face_materials, two_sided, vertex_materials, colours = ([] for _ in range(8))
+    coloured = any(mesh.colours is not None for mesh in meshes)
     first = 0
-    features = 0
+    features = layout.VERTEX_COLOURS if coloured else 0
     for mesh in meshes:
         count = len(mesh.vertices)
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + np.int32(first))
         normals.append(mesh.normals if mesh.normals is not None else np.zeros((count, 3), np.float32))
         uvs.append(mesh.uvs if mesh.uvs is not None else np.zeros((count, 2), np.float32))
-        two_sided.append(np.full(len(mesh.faces), mesh.two_sided))
+        seen_from_behind = mesh.two_sided and _is_two_sided(mesh.material)
+        two_sided.append(np.full(len(mesh.faces), seen_from_behind))
+        if coloured:
+            colours.append(_vertex_colours(mesh))
         if mesh.vertex_materials is not None:
             numbers = np.array([table.number(material) for material in mesh.vertex_materials], np.int32)
             features |= layout.BLENDED_MATERIALS
@@ -149,7 +163,7 @@ def flatten(scene: Scene, table: MaterialTable) -> Geometry:
         face_materials.append(_face_materials(numbers[mesh.faces], table))
         if mesh.normals is not None and _is_smooth(mesh):
             features |= layout.SMOOTH_NORMALS
-        if not mesh.two_sided:
+        if not seen_from_behind:
             features |= layout.CULLING
         first += count
     if quadrics:
@@ -166,10 +180,12 @@ def flatten(scene: Scene, table: MaterialTable) -> Geometry:
         _concatenate(face_materials, (0,), np.int32),
         _concatenate(two_sided, (0,), np.bool_),
         _concatenate(vertex_materials, (0,), np.int32),
+        _concatenate(colours, (0, 4), np.float32),
         quadrics,
         np.array([_quadric_row(shape) for shape in quadrics], np.float32).reshape(-1, int(layout.QUADRIC_SIZE)),
         quadric_materials,
         instancing,
+        np.array([isinstance(m, Appearance) and m.has_holes for m in table.materials], np.bool_),
         features,
     )
 
@@ -204,6 +220,18 @@ def _part_boxes(part: Shape) -> NDArray[np.float64]:
     if isinstance(part, Mesh):
         return cluster_boxes(part.vertices[np.unique(part.faces)])
     return quadric_box(part)[None].astype(np.float64)
+
+
+def _is_two_sided(material: AnyMaterial) -> bool:
+    return material.two_sided if isinstance(material, Appearance) else True
+
+
+def _vertex_colours(mesh: Mesh) -> NDArray[np.float32]:
+    """(N, 4) float32: the colours of a mesh, 1 where it has none."""
+    made = np.ones((len(mesh.vertices), 4), np.float32)
+    if mesh.colours is not None:
+        made[:, : mesh.colours.shape[1]] = mesh.colours
+    return made
 
 
 def _face_materials(numbers: NDArray[np.int32], table: MaterialTable) -> NDArray[np.int32]:

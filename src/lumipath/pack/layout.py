@@ -62,7 +62,11 @@ CONDUCTORS = 1 << 49
 ROUGH_DIELECTRICS = 1 << 50
 THIN_DIELECTRICS = 1 << 51
 PRINCIPLED = 1 << 52
+MIXES = 1 << 53
+OPACITY = 1 << 54
+NORMAL_MAPS = 1 << 55
 ANISOTROPY = 1 << 56
+VERTEX_COLOURS = 1 << 58
 
 # Samples of a pixel are spread by a table, not evenly over its square; some count negatively.
 FILTER = 1 << 45
@@ -71,7 +75,11 @@ SIGNED_FILTER = 1 << 46
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
-VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
+TANGENTS = TEXTURES | NORMAL_MAPS | ANISOTROPY
+"""What needs to know how texture coordinates lie on a surface."""
+VERTEX_DATA = TANGENTS | SMOOTH_NORMALS | BLENDED_MATERIALS | VERTEX_COLOURS
+MAPS = MIXES | OPACITY | NORMAL_MAPS
+"""What records of `PackedScene.maps` are for."""
 FILM_LAYERS = PARTS | GROUPS | VARIANCE
 """Layers that every sample of the image adds to."""
 RADIAL = PANORAMA | FISHEYE | EQUISOLID
@@ -81,10 +89,11 @@ PROJECTION = SHIFT | ORTHOGRAPHIC | RADIAL
 PIXEL_INTEGRATORS = WHITTED | ALBEDO | NORMAL | DEPTH | OCCLUSION | LAYERS
 """Those whose sample is one function, with no batches of paths."""
 
-# ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), then as bits the material's number (24) and
-#      the exponent of the primitive's greatest coordinate (8)
+# ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), then as bits the material's number (23),
+#      whether rays may go through (1), and the exponent of the primitive's greatest coordinate (8)
 PRIMITIVE_SIZE = i32(4)
-MATERIAL_MASK = i32((1 << 24) - 1)
+MATERIAL_MASK = i32((1 << 23) - 1)
+HAS_HOLES = i32(1 << 23)
 REACH_SHIFT = i32(24)
 
 # ---- vertices: 8 floats: position xyz, u; shading normal xyz, v ------------------------------------------------------
@@ -117,6 +126,12 @@ ROUGH_DIELECTRIC_KIND = i32(4)
 THIN_DIELECTRIC_KIND = i32(5)
 PRINCIPLED_KIND = i32(6)
 
+# ---- maps: 16 floats: what materials do besides scattering. Textures are numbers as bits, -1 for none ----------------
+MAP_SIZE = i32(16)
+MAP_OPACITY = i32(0)  # opacity, its cutoff (-1: none), unused, texture
+MAP_NORMALS = i32(4)  # scale of the normal map, metres of the bump map, texture of normals, texture of heights
+MAP_MIX = i32(8)  # weight of the second part, numbers of both parts as bits (-1: no mix), texture of the weight
+
 # ---- what only Whitted ray tracing needs to know of materials: 16 floats. Colours as above --------------------------
 PHONG_SIZE = i32(16)
 PHONG_AMBIENT = i32(0)  # reflected fraction of ambient light, rgb
@@ -124,8 +139,22 @@ PHONG_HIGHLIGHT = i32(4)  # weight of the highlight, rgb
 PHONG_MIRROR = i32(8)  # weight of the mirror, rgb
 PHONG_EXPONENT = i32(12)  # shininess, three unused
 
-# ---- textures: 4 ints: first texel, width, height, 1 to clamp; texels: 4 floats: rgb, unused ------------------------
-TEXTURE_SIZE = i32(4)
+# ---- textures: 16 floats ---------------------------------------------------------------------------------------------
+# 0 first texel, width, height, and TEXTURE bits, all as bits   4 factor of red, green, blue and alpha
+# 8 from (u, v, 1) to the image's u, then texels per unit of uv  12 the same to its v, then the number of steps as bits
+# Coarser steps follow the image, each half as wide and high, rounded down. 8-bit texels are words of red, green, blue
+# and alpha, the lowest byte first; where there are any, `texels` begins with the values of 256 sRGB numbers and then of
+# 256 linear ones. Other texels are 4 floats.
+TEXTURE_SIZE = i32(16)
+REPEATED_U = i32(1)
+REPEATED_V = i32(2)
+MIRRORED_U = i32(4)
+MIRRORED_V = i32(8)
+NEAREST = i32(16)
+CHEQUERED = i32(32)
+BYTES = i32(64)
+LINEAR_BYTES = i32(128)
+CHANNEL_SHIFT = i32(8)  # 3 bits: 0 colour, 1 to 4 red to alpha
 
 # ---- quadrics: 16 floats: world to object as rows of 4, then kind as bits, radius at 0, radius at height, height ----
 QUADRIC_SIZE = i32(16)
@@ -179,8 +208,11 @@ class PackedScene(NamedTuple):
     materials: NDArray[Any]  # (M, 28) float32
     phong: NDArray[Any]  # (M, 16) float32
     bsdfs: NDArray[Any]  # (M, 80) float32; empty without BSDFS
-    textures: NDArray[Any]  # (N, 4) int32
+    maps: NDArray[Any]  # (M, 16) float32; empty without MAPS
+    vertex_colours: NDArray[Any]  # (V, 4) float32; empty without VERTEX_COLOURS
+    textures: NDArray[Any]  # (N, 16) float32
     texels: NDArray[Any]  # (., 4) float32
+    texel_words: NDArray[Any]  # (.,) int32
     lights: NDArray[Any]  # (L, 24) float32
     light_count: i32
     first_delta: i32  # the first point or directional light; they follow each other

@@ -66,15 +66,18 @@ def pack_scene(scene: Scene) -> Packed:
     environment = pack_environment(scene.environment) if scene.environment else no_environment()
     radius = scene_radius(geometry)
     lights = collect_lights(scene, geometry, table, radius, environment.mean)
+    table.add_parts()
     bsdfs, bsdf_features = table.bsdf_rows()
-    features = geometry.features | table.features() | bsdf_features | lights.features
+    maps, map_features = table.map_rows()
+    rows = table.rows()
+    phong = table.phong_rows()
+    features = geometry.features | table.features() | bsdf_features | map_features | lights.features
+    features |= layout.OPACITY if geometry.holes().any() else 0
     if len(table.materials) > int(layout.MATERIAL_MASK):
         raise SceneError(
             f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible"
         )
-    rows = table.rows()
-    phong = table.phong_rows()
-    textures, texels = table.textures()
+    textures, texels, texel_words = table.textures.arrays()
     has_vertex_data = bool(features & layout.VERTEX_DATA)
     corners = np.zeros((len(geometry.faces) if has_vertex_data else 0, 4), np.int32)
     if has_vertex_data:
@@ -96,8 +99,13 @@ def pack_scene(scene: Scene) -> Packed:
         materials=aligned(rows),
         phong=aligned(phong),
         bsdfs=aligned(bsdfs),
+        maps=aligned(maps if features & layout.MAPS else maps[:0]),
+        vertex_colours=aligned(
+            geometry.vertex_colours if features & layout.VERTEX_COLOURS else np.zeros((0, 4), np.float32)
+        ),
         textures=aligned(textures),
         texels=aligned(texels),
+        texel_words=aligned(texel_words),
         lights=aligned(lights.rows),
         light_count=i32(len(lights.rows)),
         first_delta=i32(lights.first_delta),
@@ -125,7 +133,8 @@ def _primitive_rows(geometry: Geometry) -> NDArray[np.float32]:
     rows[:triangles, :3] = geometry.face_normals()[0]
     materials = np.concatenate([geometry.face_materials, geometry.quadric_materials]).astype(np.uint32)
     exponents = np.frexp(np.maximum(geometry.reach(), 1e-37))[1].astype(np.uint32) + np.uint32(127)
-    rows.view(np.uint32)[:, 3] = exponents << np.uint32(layout.REACH_SHIFT) | materials
+    holes = geometry.holes().astype(np.uint32) * np.uint32(layout.HAS_HOLES)
+    rows.view(np.uint32)[:, 3] = exponents << np.uint32(layout.REACH_SHIFT) | holes | materials
     return rows
 
 

@@ -5,9 +5,11 @@ from .camera import Camera
 from .digest import scene_digest
 from .instances import Group, Instance, materials_of
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
-from .material import Material, Texture
+from .material import Material
+from .mix import Mix
 from .scene import Scene
 from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_normals, transform_mesh
+from .textures import Checker, Texture
 
 __all__ = [
     "AmbientLight",
@@ -15,6 +17,7 @@ __all__ = [
     "Appearance",
     "Box",
     "Camera",
+    "Checker",
     "Conductor",
     "Cone",
     "Cylinder",
@@ -26,6 +29,7 @@ __all__ = [
     "Light",
     "Material",
     "Mesh",
+    "Mix",
     "PointLight",
     "Scene",
     "Shape",

@@ -28,6 +28,8 @@ class Mesh:
         faces: (M, 3) int32 vertex indices, counter-clockwise seen from the front.
         normals: (N, 3) shading normals, normalised here, or None for flat faces.
         uvs: (N, 2) texture coordinates, or None.
+        colours: (N, 3) linear colours that the material's own colour is multiplied by, or (N, 4) with an alpha that its
+            opacity is multiplied by, each from 0 to 1; or None.
         material: of all faces, unless `vertex_materials` is given.
         vertex_materials: N materials, blended across each face by barycentric coordinates, or None.
         two_sided: whether faces are seen from behind; else from there they do not exist for any ray.
@@ -41,6 +43,7 @@ class Mesh:
     faces: Ints = field(converter=_given)
     normals: Floats | None = field(default=None, converter=_given)
     uvs: Floats | None = field(default=None, converter=_given)
+    colours: Floats | None = field(default=None, converter=_given)
     material: AnyMaterial = field(factory=Material, converter=checked_material)
     vertex_materials: tuple[Material, ...] | None = None
     two_sided: bool = True
@@ -59,10 +62,21 @@ class Mesh:
             object.__setattr__(self, "normals", unit.astype(np.float32))
         if self.uvs is not None:
             object.__setattr__(self, "uvs", float_array(self.uvs, (count, 2), f"{where}: uvs", limit=1e6))
+        if self.colours is not None:
+            object.__setattr__(self, "colours", _vertex_colours(self.colours, count, f"{where}: colours"))
         if self.vertex_materials is not None and len(self.vertex_materials) != count:
             raise SceneError(f"{where}: {len(self.vertex_materials)} materials for {count} vertices; give one each")
         if not all(isinstance(material, Material) for material in self.vertex_materials or ()):
             raise SceneError(f"{where}: only materials of the class Material can be blended between vertices")
+
+
+def _vertex_colours(value: Any, count: int, name: str) -> Floats:
+    """(N, 3) or (N, 4) float32, each from 0 to 1."""
+    columns = 4 if np.ndim(value) == 2 and np.shape(value)[1] == 4 else 3
+    colours = float_array(value, (count, columns), name)
+    if (colours < 0).any() or (colours > 1).any():
+        raise SceneError(f"{name} must be from 0 to 1")
+    return colours
 
 
 def smooth_normals(vertices: Floats, faces: Ints) -> Floats:
