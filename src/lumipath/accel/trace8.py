@@ -254,6 +254,7 @@ def trace_slot(scene, ray, link, any_hit):
     return walk8(scene, ray, link, any_hit, stack_floats(1024), stack_floats(1024))
 
 
+@kernel
 def trace_ray(scene, ray, any_hit):
     """The nearest hit of a ray, or any hit."""
     found = trace_slot(scene, ray, i32(0), any_hit)

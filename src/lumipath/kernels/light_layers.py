@@ -6,12 +6,15 @@ light it comes from, or both. Squares of whole samples are a layer of the same k
 
 from __future__ import annotations
 
-from ..lang import as_int, i32, kernel, load
+from ..lang import as_int, f32, i32, kernel, load
 from ..pack.layout import GROUPS, LIGHT_GROUP, LIGHT_SIZE, PARTS, VARIANCE
 from .vectors import Vec3
 
 # Seen directly, scattered once, scattered more often.
 _PARTS = i32(3)
+
+# Of radiance, W^2/(m^4 sr^2).
+LARGEST_SQUARE = f32(1e28)
 
 
 @kernel
@@ -111,5 +114,7 @@ def no_squares(scene, put, sums, place, sample):
 @kernel(needs=VARIANCE, otherwise=no_squares)
 def squares_to_layer(scene, put, sums, place, sample):
     """Add the squares of a whole sample; arguments as for `to_layers`."""
-    squares = Vec3(sample.x * sample.x, sample.y * sample.y, sample.z * sample.z)
+    # Sums of larger ones would leave float32, and no picture has such light.
+    x = min(sample.x * sample.x, LARGEST_SQUARE)
+    squares = Vec3(x, min(sample.y * sample.y, LARGEST_SQUARE), min(sample.z * sample.z, LARGEST_SQUARE))
     put(scene, sums, place, light_columns(scene), squares)
