@@ -272,9 +272,9 @@ class TestProgress:
         monkeypatch.setenv("FAKE_COMPILE", "3")
         _, out, err = lumipath("render", "-s", 2, "-w", 4, "--progress", "json")
         events = [json.loads(line) for line in err.splitlines()]
-        assert [event["event"] for event in events] == ["message", "progress", "progress", "done"]
+        assert [event["event"] for event in events] == ["message", "message", "progress", "progress", "done"]
         assert out == ""
-        assert events[1]["fraction"] == 0.5
+        assert events[2]["fraction"] == 0.5
         assert events[-1]["output"] == "cornell-box.png"
 
     def test_none_says_only_the_end(self, lumipath, fake):

@@ -266,8 +266,8 @@ def test_a_gpu_without_room_for_two_sums_goes_on_with_one(device, monkeypatch):
 
     def zeros(shape, dtype):
         made.append(shape)
-        # Room for the three arrays of one worker of each GPU.
-        if len(made) > 3 * GPUS:
+        # Room for the arrays of sums of one worker of each GPU.
+        if len(made) > 5 * GPUS:
             raise OutOfMemoryError("no room")
         return np.zeros(shape, dtype).view(HostArray)
 

@@ -136,9 +136,8 @@ def program(renderer):
         cpu_batch.render_tile,
         cpu_batch.generate,
         cpu_batch.shade_batch,
-        packets.trace_rays,
         packets.trace_packet,
-        trace8.trace_slot,
+        trace8.walk8,
     ],
     ids=lambda function: function.py_func.__name__,
 )

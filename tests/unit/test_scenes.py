@@ -13,6 +13,7 @@ from lumipath.scene import (
     Camera,
     Cone,
     DirectionalLight,
+    Instance,
     Mesh,
     PointLight,
     Scene,
@@ -20,16 +21,20 @@ from lumipath.scene import (
     Texture,
 )
 from lumipath.scenes import DEFAULT, builtin, names
+from lumipath.scenes.forest import forest
 
 TRIANGLES = {
     "cornell-box": 32,
     "cornell-box-specular": 32,
     "cornell-box-transmissive": 34,
     "knot40k": 40_012,
+    "forest": 99_138_050,
     "bench-cornell": 36,
     "bench-blob100k": 99_236,
     "bench-blob1m": 998_012,
 }
+# Metres from the origin that scenes reach at most, if it is more than ten.
+LARGE = {"forest": 160}
 BOXES = ["cornell-box", "cornell-box-specular", "cornell-box-transmissive", "bench-cornell"]
 
 
@@ -53,7 +58,7 @@ class TestEveryScene:
     def test_lies_within_a_few_metres_and_in_view(self, name):
         scene = builtin(name)
         low, high = scene_bounds(scene)
-        assert np.abs([low, high]).max() <= 10
+        assert np.abs([low, high]).max() <= LARGE.get(name, 10)
         camera = scene.camera()
         centre = (low + high) / 2
         assert np.dot(centre - camera.position, camera.direction) > 0
@@ -79,7 +84,7 @@ def test_together_they_use_all_that_a_scene_can_have():
     for scene in scenes:
         used |= pack_scene(scene).scene.features.mask
     # The bits of layout up to MANY_LIGHTS are those of scenes; the rest belong to settings and trees.
-    assert used == 2 * layout.MANY_LIGHTS - 1
+    assert used == 2 * layout.MANY_LIGHTS - 1 | layout.INSTANCES
     assert {type(light) for scene in scenes for light in scene.lights} == {PointLight, DirectionalLight, AmbientLight}
     assert {camera.blades > 0 for scene in scenes for camera in scene.cameras if camera.aperture > 0} == {True, False}
 
@@ -216,7 +221,40 @@ def test_benchmark_scenes_keep_their_values():
 BLOB_SUMS = (12071.191604, 21571.726491, 12071.191604)
 
 
+class TestForest:
+    def test_has_a_thousand_trees_of_some_100000_triangles_that_are_stored_once(self):
+        scene = builtin("forest")
+        trees = [shape for shape in scene.shapes if isinstance(shape, Instance)]
+        kinds = {id(tree.shape): tree.shape for tree in trees}.values()
+        assert len(trees) == 1000
+        assert [sum(len(part.faces) for part in kind.shapes) for kind in kinds] == [99_120] * 3
+        assert scene.stored_triangle_count < 320_000
+
+    def test_trees_stand_on_the_ground_and_apart(self):
+        scene = forest(trees=60, twigs=1)
+        roots = np.array([shape.transform[:3, 3] for shape in scene.shapes[1:]])
+        ground = scene.shapes[0].vertices.astype(np.float64)
+        nearest = np.linalg.norm(ground[:, None, ::2] - roots[None, :, ::2], axis=2).argmin(axis=0)
+        assert np.abs(ground[nearest, 1] - roots[:, 1]).max() < 0.8
+        apart = np.linalg.norm(roots[:, None] - roots, axis=2) + 1e3 * np.eye(60)
+        assert apart.min() > 0.8
+
+    def test_small_ones_are_cheap(self):
+        scene = forest(trees=3, twigs=1)
+        assert scene.stored_triangle_count < 100_000
+        for part in scene.parts():
+            normals, _ = face_normals_and_centres(part)
+            assert (np.linalg.norm(normals, axis=1) > 0).all()
+
+
 class TestBounds:
+    def test_instances_are_bounded_where_they_stand(self):
+        transform = np.diag([2.0, 2.0, -2.0, 1.0])
+        transform[:3, 3] = (5, 0, 0)
+        low, high = scene_bounds(Scene(shapes=[Instance(Sphere(), transform=transform), Instance([Sphere()])]))
+        np.testing.assert_allclose(low, (-1, -2, -2))
+        np.testing.assert_allclose(high, (7, 2, 2))
+
     def test_sphere_under_a_shear(self):
         transform = np.eye(4)
         transform[0, 1] = 2.0

@@ -11,6 +11,7 @@ from ..pack.layout import (
     ENVIRONMENT_LIGHT,
     LIGHT_SIZE,
     MANY_LIGHTS,
+    OPACITY,
     OPEN_CONE,
     POINT_LIGHT,
     POINT_LIGHTS,
@@ -23,6 +24,7 @@ from ..pack.layout import (
 from .alias import Pick, resolve_alias
 from .environment import sample_environment
 from .materials import emission_at
+from .opacity import opacity_at
 from .quadrics import (
     area_scale,
     is_inside,
@@ -98,7 +100,8 @@ def sample_triangle_light(scene, light, o, u, v):
 def triangle_radiance(scene, primitive, material, w1, w2):
     """Radiance of a point on an emissive triangle."""
     u, v = interpolated_uv(scene, primitive, w1, w2)
-    return emission_at(scene, material, primitive * 4, u, v, w1, w2)
+    corner = primitive * 4
+    return emission_at(scene, material, corner, u, v, w1, w2) * opacity_at(scene, material, corner, u, v, w1, w2)
 
 
 @kernel
@@ -118,6 +121,18 @@ def interpolated_uv(scene, primitive, w1, w2):
     u = load(scene.vertices, i0 + 3) * w0 + load(scene.vertices, i1 + 3) * w1 + load(scene.vertices, i2 + 3) * w2
     v = load(scene.vertices, i0 + 7) * w0 + load(scene.vertices, i1 + 7) * w1 + load(scene.vertices, i2 + 7) * w2
     return u, v
+
+
+@kernel
+def closed(scene):
+    """A scene whose surfaces are all closed."""
+    return False
+
+
+@kernel(needs=OPACITY, otherwise=closed)
+def through_holes(scene):
+    """Whether the far side of a closed shape may be seen from outside."""
+    return True
 
 
 @kernel
@@ -143,9 +158,11 @@ def sample_quadric_light(scene, light, o, a, b):
     facing = -dot(normal, direction)
     cosine = abs(facing)
     # The far side of a closed shape is seen from inside only.
-    seen = (facing > 0.0) | (q.kind == OPEN_CONE) | is_inside(q, point_to_object(q, o))
+    seen = (facing > 0.0) | (q.kind == OPEN_CONE) | is_inside(q, point_to_object(q, o)) | through_holes(scene)
     u, v = object_uv(q, point.p, point.n)
-    radiance = emission_at(scene, as_int(names[2]), i32(-1), u, v, 0.0, 0.0)
+    material = as_int(names[2])
+    shown = opacity_at(scene, material, i32(-1), u, v, 0.0, 0.0)
+    radiance = emission_at(scene, material, i32(-1), u, v, 0.0, 0.0) * shown
     pdf = names[3] / area_scale(q, point.n) * distance2 / cosine if (cosine > GRAZING) & seen else f32(0.0)
     return LightSample(direction, distance, radiance, pdf, False)
 
@@ -243,15 +260,15 @@ def choose_light(scene, pixel, sample, seed, depth, u):
 @kernel
 def sample_nothing(scene, o, pixel, sample, seed, depth, u, v):
     """A scene without lights."""
-    return no_light()
+    return no_light(), i32(-1)
 
 
 @kernel(needs=ANY_LIGHT, otherwise=sample_nothing)
 def sample_light(scene, o, pixel, sample, seed, depth, u, v):
-    """Light that may arrive at the point o."""
+    """Light that may arrive at the point o, and the number of the light that it comes from."""
     chosen = choose_light(scene, pixel, sample, seed, depth, u)
     kind = as_int(light_row(scene, chosen.index, 0)[3])
-    return from_any(scene, chosen.index, kind, o, chosen.rest, v)
+    return from_any(scene, chosen.index, kind, o, chosen.rest, v), chosen.index
 
 
 @kernel

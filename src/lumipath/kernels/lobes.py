@@ -8,6 +8,7 @@ from .bsdf.dielectric import sample_dielectric
 from .bsdf.lambert import lambert_direction, lambert_pdf, lambert_weight
 from .bsdf.mirror import mirror_direction
 from .functions import power_heuristic
+from .light_layers import light_group
 from .lights import sample_light
 from .materials import lobes_at, transmittance
 from .rays import SHADOW_END, Ray, no_ray, offset_point
@@ -93,7 +94,7 @@ def bounce(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, depth,
 @kernel
 def no_direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, numbers):
     """A scene without lights."""
-    return DirectLight(no_ray(), black())
+    return DirectLight(no_ray(), black(), i32(0))
 
 
 @kernel(needs=ANY_LIGHT, otherwise=no_direct_light)
@@ -101,7 +102,7 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
     """Next-event estimation of the Lambert lobe, weighted against drawing the same direction from the lobe."""
     n = s.n * side
     o = offset_point(s.p, n, path.ray.tmax, s.reach)
-    light = sample_light(scene, o, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
+    light, number = sample_light(scene, o, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
     cosine = dot(s.shading, light.direction) * side
     reaches = (light.pdf > 0.0) & (cosine > 0.0) & (dot(n, light.direction) > 0.0) & (probability > 0.0)
     competing = lambert_pdf(scene, cosine) * probability
@@ -111,7 +112,7 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
     radiance = radiance * transmittance(scene, medium, light.distance)
     # As values, not as branches: which way it goes cannot be predicted.
     tmax = light.distance * SHADOW_END if reaches else f32(0.0)
-    return DirectLight(Ray(o, light.direction, tmax), radiance)
+    return DirectLight(Ray(o, light.direction, tmax), radiance, light_group(scene, number))
 
 
 @kernel
@@ -127,4 +128,4 @@ def scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers):
     drawn = bounce(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, path.depth, numbers.c, numbers.d)
     # A diffuse direction on the wrong side of the true surface carries nothing; mirrors and glass may go anywhere.
     blocked = (drawn.pdf > 0.0) & (dot(s.n, drawn.direction) * side <= 0.0)
-    return Scattered(direct.shadow, direct.radiance, drawn.direction, drawn.weight, drawn.pdf, blocked)
+    return Scattered(direct.shadow, direct.radiance, drawn.direction, drawn.weight, drawn.pdf, blocked, direct.group)

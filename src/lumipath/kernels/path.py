@@ -6,17 +6,19 @@ Schedulers trace a path's ray, call `shade`, trace the shadow ray that it asks f
 from __future__ import annotations
 
 from ..lang import Vec3, f32, i32, inverse, kernel, struct
-from ..pack.layout import ROULETTE
-from .camera import camera_ray
+from ..pack.layout import ROULETTE, SIGNED_FILTER
+from .camera import camera_sample
 from .environment import environment_from
+from .footprints import shading_surface
 from .functions import power_heuristic
+from .light_layers import emitter_group
 from .lights import emitter_pdf
-from .materials import emission_at, is_dielectric, medium_beyond, transmittance
+from .materials import is_dielectric, medium_beyond, seen_emission, transmittance
+from .mixes import emitting_material
 from .rays import Ray, endless_ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scatter import scatter
-from .surface import surface_at
-from .vectors import black, dot, max_component, white
+from .vectors import black, dot, max_abs_component, max_component
 
 
 @struct
@@ -24,7 +26,7 @@ class Path:
     """What a path carries from one surface to the next."""
 
     ray: Ray
-    throughput: Vec3
+    throughput: Vec3  # negative where the sample counts so
     pdf: f32  # density with which ray.d was drawn, per solid angle; 0: no other strategy could have drawn it
     depth: i32  # scattering events so far
     medium: i32  # material that the ray travels in, -1 outside
@@ -39,13 +41,16 @@ class Step:
     emitted: Vec3  # radiance that reaches the pixel now
     shadow: Ray  # tmax = 0: none
     direct: Vec3  # radiance that reaches the pixel if nothing is on `shadow`
+    emitter: i32  # light group of `emitted`
+    light: i32  # light group of `direct`
 
 
 @kernel
 def start_path(scene, view, column, row, numbers):
     """A path that leaves the camera; numbers of `camera_numbers`."""
-    ray = camera_ray(scene, view, column, row, numbers)
-    return Path(ray, white(), 0.0, i32(0), i32(-1), True)
+    sample = camera_sample(scene, view, column, row, numbers)
+    weight = Vec3(sample.weight, sample.weight, sample.weight)
+    return Path(sample.ray, weight, 0.0, i32(0), i32(-1), True)
 
 
 @kernel
@@ -55,10 +60,10 @@ def no_path():
 
 
 @kernel
-def finish(path, emitted):
+def finish(path, emitted, emitter):
     """The path ends here."""
     ended = Path(path.ray, path.throughput, path.pdf, path.depth, path.medium, False)
-    return Step(ended, emitted, no_ray(), black())
+    return Step(ended, emitted, no_ray(), black(), emitter, i32(0))
 
 
 @kernel
@@ -72,7 +77,19 @@ def escaped(scene, path):
     """Nothing was hit: the environment's light."""
     seen = environment_from(scene, path.ray.d)
     weight = strategy_weight(path.pdf, seen.pdf * scene.environment_probability)
-    return finish(path, path.throughput * seen.radiance * weight)
+    return finish(path, path.throughput * seen.radiance * weight, emitter_group(scene, i32(-1)))
+
+
+@kernel
+def largest(scene, throughput):
+    """All samples count positively."""
+    return max_component(throughput)
+
+
+@kernel(needs=SIGNED_FILTER, otherwise=largest)
+def strength(scene, throughput):
+    """How much a path can still bring: its largest component, whatever the sign of its sample."""
+    return max_abs_component(throughput)
 
 
 @kernel
@@ -86,7 +103,7 @@ def roulette_weight(scene, view, throughput, depth, pixel, sample):
     """Russian roulette: 0 ends the path, else the factor that keeps the estimate unbiased (Arvo and Kirk 1990)."""
     if depth < view.rr_depth:
         return f32(1.0)
-    survival = min(max_component(throughput), 1.0)
+    survival = min(strength(scene, throughput), 1.0)
     lives = choice_numbers(scene, pixel, sample, view.seed, depth).c < survival
     return inverse(survival) if lives else f32(0.0)
 
@@ -107,7 +124,7 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     if hit.primitive < 0:
         return escaped(scene, path)
     ray = path.ray
-    s = surface_at(scene, ray, hit)
+    s = shading_surface(scene, view, path, hit, pixel, sample)
     # Arriving at the back of a dielectric means having been inside, whatever the path remembers.
     behind = is_dielectric(scene, s.material) & (not s.front)
     medium = s.material if behind else path.medium
@@ -115,11 +132,15 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
 
     # Emission of what was hit.
     emitted = black()
-    radiance = emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)
+    emitting = emitting_material(scene, s, hit.primitive)
+    emitter = emitter_group(scene, emitting)
+    # Light sampling sees textures as they are, so whatever competes with it must, too.
+    footprint = s.footprint if path.depth == 0 else f32(0.0)
+    radiance = seen_emission(scene, emitting, s.corner, s.u, s.v, s.w1, s.w2, footprint)
     if max_component(radiance) > 0.0:
         emitted = throughput * radiance * strategy_weight(path.pdf, emitter_pdf(scene, ray, hit, s))
     if path.depth >= view.max_depth:
-        return finish(path, emitted)
+        return finish(path, emitted, emitter)
 
     # Direct light, and the next direction.
     here = Path(Ray(ray.o, ray.d, hit.t), throughput, path.pdf, path.depth, medium, True)
@@ -127,10 +148,10 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     throughput = throughput * onward.weight
     depth = i32(path.depth + 1)
     roulette = roulette_weight(scene, view, throughput, depth, pixel, sample)
-    alive = (not onward.blocked) & (roulette > 0.0) & (max_component(throughput) > 0.0)
+    alive = (not onward.blocked) & (roulette > 0.0) & (strength(scene, throughput) > 0.0)
     outside = dot(s.n, onward.direction) > 0.0
     leaving = offset_point(s.p, s.n if outside else -s.n, hit.t, s.reach)
     beyond = medium_beyond(scene, s, outside, medium)
     next_ray = endless_ray(leaving, onward.direction)
     gone = Path(next_ray, throughput * roulette, onward.pdf, depth, beyond, alive)
-    return Step(gone, emitted, onward.shadow, onward.direct)
+    return Step(gone, emitted, onward.shadow, onward.direct, emitter, onward.light)

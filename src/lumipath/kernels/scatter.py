@@ -11,13 +11,15 @@ from ..pack.layout import ANY_LIGHT, BSDFS, LOBES_KIND
 from .bsdf.responses import Question, response
 from .bsdf.values import slot
 from .functions import power_heuristic
+from .light_layers import light_group
 from .lights import no_light, sample_light
 from .lobes import scatter_at_lobes
 from .materials import medium_beyond, transmittance
 from .rays import SHADOW_END, Ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scattered import DirectLight, Scattered
-from .vectors import black, dot, frame_around, length, max_component, to_local, to_world
+from .tangents import shading_frame
+from .vectors import black, dot, length, max_component, to_local, to_world
 
 # Whatever is farther away is not at a place, but in a direction.
 FAR = f32(1e18)
@@ -26,7 +28,7 @@ FAR = f32(1e18)
 @kernel
 def no_light_at(scene, view, path, s, pixel, sample, numbers):
     """A scene without lights."""
-    return no_light()
+    return no_light(), i32(-1)
 
 
 @kernel(needs=ANY_LIGHT, otherwise=no_light_at)
@@ -36,7 +38,7 @@ def light_at(scene, view, path, s, pixel, sample, numbers):
 
 
 @kernel
-def unshadowed_light(scene, path, s, light, value):
+def unshadowed_light(scene, path, s, light, number, value):
     """The shadow ray to a light, and what arrives along it; `value` is that of the BSDF towards the light."""
     outside = dot(s.n, light.direction) > 0.0
     o = offset_point(s.p, s.n if outside else -s.n, path.ray.tmax, s.reach)
@@ -49,24 +51,30 @@ def unshadowed_light(scene, path, s, light, value):
     weight = f32(1.0) if light.delta else power_heuristic(light.pdf, value.pdf)
     radiance = path.throughput * value.f * light.radiance * (weight / light.pdf)
     radiance = radiance * transmittance(scene, medium_beyond(scene, s, outside, path.medium), light.distance)
-    return DirectLight(Ray(o, direction, distance * SHADOW_END), radiance)
+    return DirectLight(Ray(o, direction, distance * SHADOW_END), radiance, light_group(scene, number))
+
+
+@kernel
+def no_direct_light():
+    """No light arrives."""
+    return DirectLight(no_ray(), black(), i32(0))
 
 
 @kernel
 def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
     """Direct light, and the next direction; arguments as those of `scatter`."""
-    frame = frame_around(s.shading)
-    light = light_at(scene, view, path, s, pixel, sample, numbers)
+    frame = shading_frame(scene, s)
+    light, number = light_at(scene, view, path, s, pixel, sample, numbers)
     wi = to_local(frame, light.direction)
     choice = choice_numbers(scene, pixel, sample, view.seed, path.depth).b
     answer = response(scene, s, kind, Question(to_local(frame, -path.ray.d), wi, numbers.c, numbers.d, choice))
     # What is above the shading normal's horizon and below the true surface, or the other way round, carries nothing.
     reaches = (light.pdf > 0.0) & (max_component(answer.value.f) > 0.0) & (wi.z * dot(s.n, light.direction) > 0.0)
-    direct = unshadowed_light(scene, path, s, light, answer.value) if reaches else DirectLight(no_ray(), black())
+    direct = unshadowed_light(scene, path, s, light, number, answer.value) if reaches else no_direct_light()
     drawn = answer.drawn
     direction = to_world(frame, drawn.wi)
     blocked = drawn.wi.z * dot(s.n, direction) <= 0.0
-    return Scattered(direct.shadow, direct.radiance, direction, drawn.weight, drawn.pdf, blocked)
+    return Scattered(direct.shadow, direct.radiance, direction, drawn.weight, drawn.pdf, blocked, direct.group)
 
 
 @kernel

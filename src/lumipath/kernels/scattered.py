@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..lang import Vec3, f32, struct
+from ..lang import Vec3, f32, i32, struct
 from .rays import Ray
 
 
@@ -12,6 +12,7 @@ class DirectLight:
 
     shadow: Ray
     radiance: Vec3
+    group: i32
 
 
 @struct
@@ -24,3 +25,4 @@ class Scattered:
     weight: Vec3  # f times cosine over density; 0: the path ends
     pdf: f32  # as in Path
     blocked: bool  # the true surface lies in the way
+    light: i32  # light group of `direct`

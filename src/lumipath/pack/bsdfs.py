@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Texture
+from ..scene import Mix, Texture
 from ..scene.bsdfs import Appearance, Conductor, Diffuse
 from . import layout
 
@@ -77,7 +77,13 @@ def _write_conductor(row: BsdfRow, material: Conductor) -> int:
     return layout.CONDUCTORS | row.anisotropy(material.anisotropy, material.rotation)
 
 
+def _write_mix(row: BsdfRow, material: Mix) -> int:
+    # It is one of its parts wherever a ray arrives.
+    return 0
+
+
 _WRITERS: dict[type, Callable[[BsdfRow, Any], int]] = {
     Conductor: _write_conductor,
     Diffuse: _write_diffuse,
+    Mix: _write_mix,
 }

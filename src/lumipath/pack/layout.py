@@ -32,6 +32,13 @@ LENS = 1 << 16
 ROULETTE = 1 << 17
 WIDE_TREE = 1 << 18
 BLADES = 1 << 22
+# The window of the image is not about the viewing direction; then projections, at most one: none is perspective.
+SHIFT = 1 << 23
+ORTHOGRAPHIC = 1 << 24
+PANORAMA = 1 << 25
+FISHEYE = 1 << 26
+EQUISOLID = 1 << 27
+INSTANCES = 1 << 29
 
 # Integrators, one at a time; none of these bits is the path tracer.
 WHITTED = 1 << 32
@@ -44,6 +51,10 @@ LAYERS = 1 << 37
 
 # The film keeps squares of samples, and each tile of it has a goal of its own.
 ADAPTIVE = 1 << 40
+# What `FilmArrays.parts` holds, in this order: emission, direct and indirect light; light by groups; squares.
+PARTS = 1 << 41
+GROUPS = 1 << 42
+VARIANCE = 1 << 43
 
 # Kinds of BSDFs beside the sum of lobes, and what materials do besides.
 ROUGH_DIFFUSE = 1 << 48
@@ -51,19 +62,38 @@ CONDUCTORS = 1 << 49
 ROUGH_DIELECTRICS = 1 << 50
 THIN_DIELECTRICS = 1 << 51
 PRINCIPLED = 1 << 52
+MIXES = 1 << 53
+OPACITY = 1 << 54
+NORMAL_MAPS = 1 << 55
 ANISOTROPY = 1 << 56
+VERTEX_COLOURS = 1 << 58
+
+# Samples of a pixel are spread by a table, not evenly over its square; some count negatively.
+FILTER = 1 << 45
+SIGNED_FILTER = 1 << 46
 
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
-VERTEX_DATA = TEXTURES | SMOOTH_NORMALS | BLENDED_MATERIALS
+TANGENTS = TEXTURES | NORMAL_MAPS | ANISOTROPY
+"""What needs to know how texture coordinates lie on a surface."""
+VERTEX_DATA = TANGENTS | SMOOTH_NORMALS | BLENDED_MATERIALS | VERTEX_COLOURS
+MAPS = MIXES | OPACITY | NORMAL_MAPS
+"""What records of `PackedScene.maps` are for."""
+FILM_LAYERS = PARTS | GROUPS | VARIANCE
+"""Layers that every sample of the image adds to."""
+RADIAL = PANORAMA | FISHEYE | EQUISOLID
+"""Projections that look in all directions from one point: depth is the distance from it."""
+PROJECTION = SHIFT | ORTHOGRAPHIC | RADIAL
+"""All that says which direction a point of the image shows."""
 PIXEL_INTEGRATORS = WHITTED | ALBEDO | NORMAL | DEPTH | OCCLUSION | LAYERS
 """Those whose sample is one function, with no batches of paths."""
 
-# ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), then as bits the material's number (24) and
-#      the exponent of the primitive's greatest coordinate (8)
+# ---- primitives: 4 floats: geometric unit normal xyz (0 for a quadric), then as bits the material's number (23),
+#      whether rays may go through (1), and the exponent of the primitive's greatest coordinate (8)
 PRIMITIVE_SIZE = i32(4)
-MATERIAL_MASK = i32((1 << 24) - 1)
+MATERIAL_MASK = i32((1 << 23) - 1)
+HAS_HOLES = i32(1 << 23)
 REACH_SHIFT = i32(24)
 
 # ---- vertices: 8 floats: position xyz, u; shading normal xyz, v ------------------------------------------------------
@@ -96,6 +126,12 @@ ROUGH_DIELECTRIC_KIND = i32(4)
 THIN_DIELECTRIC_KIND = i32(5)
 PRINCIPLED_KIND = i32(6)
 
+# ---- maps: 16 floats: what materials do besides scattering. Textures are numbers as bits, -1 for none ----------------
+MAP_SIZE = i32(16)
+MAP_OPACITY = i32(0)  # opacity, its cutoff (-1: none), unused, texture
+MAP_NORMALS = i32(4)  # scale of the normal map, metres of the bump map, texture of normals, texture of heights
+MAP_MIX = i32(8)  # weight of the second part, numbers of both parts as bits (-1: no mix), texture of the weight
+
 # ---- what only Whitted ray tracing needs to know of materials: 16 floats. Colours as above --------------------------
 PHONG_SIZE = i32(16)
 PHONG_AMBIENT = i32(0)  # reflected fraction of ambient light, rgb
@@ -103,14 +139,39 @@ PHONG_HIGHLIGHT = i32(4)  # weight of the highlight, rgb
 PHONG_MIRROR = i32(8)  # weight of the mirror, rgb
 PHONG_EXPONENT = i32(12)  # shininess, three unused
 
-# ---- textures: 4 ints: first texel, width, height, 1 to clamp; texels: 4 floats: rgb, unused ------------------------
-TEXTURE_SIZE = i32(4)
+# ---- textures: 16 floats ---------------------------------------------------------------------------------------------
+# 0 first texel, width, height, and TEXTURE bits, all as bits   4 factor of red, green, blue and alpha
+# 8 from (u, v, 1) to the image's u, then texels per unit of uv  12 the same to its v, then the number of steps as bits
+# Coarser steps follow the image, each half as wide and high, rounded down. 8-bit texels are words of red, green, blue
+# and alpha, the lowest byte first; where there are any, `texels` begins with the values of 256 sRGB numbers and then of
+# 256 linear ones. Other texels are 4 floats.
+TEXTURE_SIZE = i32(16)
+REPEATED_U = i32(1)
+REPEATED_V = i32(2)
+MIRRORED_U = i32(4)
+MIRRORED_V = i32(8)
+NEAREST = i32(16)
+CHEQUERED = i32(32)
+BYTES = i32(64)
+LINEAR_BYTES = i32(128)
+CHANNEL_SHIFT = i32(8)  # 3 bits: 0 colour, 1 to 4 red to alpha
 
 # ---- quadrics: 16 floats: world to object as rows of 4, then kind as bits, radius at 0, radius at height, height ----
 QUADRIC_SIZE = i32(16)
 SPHERE = i32(0)
 OPEN_CONE = i32(1)
 CAPPED_CONE = i32(2)
+
+# ---- instances: 20 floats: world to object as rows of 4, then as bits the link to the target's tree (filled in by each
+#      device), the material in place of those of the target or -1, the number of the shape in the scene, and unused;
+#      what `kernels.instances` makes the reach of a primitive of: scale, shift, spread, unused
+INSTANCE_SIZE = i32(20)
+INSTANCE_LINK = i32(12)
+INSTANCE_MATERIAL = i32(13)
+INSTANCE_SHAPE = i32(14)
+INSTANCE_SCALE = i32(16)
+INSTANCE_SHIFT = i32(17)
+INSTANCE_SPREAD = i32(18)
 
 # ---- lights: 24 floats -----------------------------------------------------------------------------------------------
 # 0 alias threshold, other index, probability, kind; then by kind:
@@ -119,7 +180,9 @@ CAPPED_CONE = i32(2)
 #   point       4 position   8 colour   12 attenuation
 #   directional 4 direction to the light   8 colour
 #   environment nothing more
+# and in the last float the number of the light's group, as bits
 LIGHT_SIZE = i32(24)
+LIGHT_GROUP = i32(23)
 TRIANGLE_LIGHT = i32(0)
 QUADRIC_LIGHT = i32(1)
 POINT_LIGHT = i32(2)
@@ -141,16 +204,22 @@ class PackedScene(NamedTuple):
     vertex_materials: NDArray[Any]  # (V,) int32; empty without BLENDED_MATERIALS
     emitter_density: NDArray[Any]  # (P,) float32: density per area of being sampled as a light; 0: not a light
     quadrics: NDArray[Any]  # (Q, 16) float32
+    instances: NDArray[Any]  # (I, 20) float32
     materials: NDArray[Any]  # (M, 28) float32
     phong: NDArray[Any]  # (M, 16) float32
     bsdfs: NDArray[Any]  # (M, 80) float32; empty without BSDFS
-    textures: NDArray[Any]  # (N, 4) int32
+    maps: NDArray[Any]  # (M, 16) float32; empty without MAPS
+    vertex_colours: NDArray[Any]  # (V, 4) float32; empty without VERTEX_COLOURS
+    textures: NDArray[Any]  # (N, 16) float32
     texels: NDArray[Any]  # (., 4) float32
+    texel_words: NDArray[Any]  # (.,) int32
     lights: NDArray[Any]  # (L, 24) float32
     light_count: i32
     first_delta: i32  # the first point or directional light; they follow each other
     delta_count: i32
     ambient: NDArray[Any]  # (4,) float32: sum of the ambient lights rgb, unused
+    light_groups: NDArray[Any]  # (1 + M,) int32: numbers of the groups of the environment and of what materials emit
+    group_count: i32  # number 0 is that of lights without a group
     extent: f32  # diagonal of the box around all shapes, metres
     triangle_count: i32
     environment: NDArray[Any]  # (H * W, 4) float32
@@ -162,15 +231,22 @@ class PackedScene(NamedTuple):
     environment_probability: f32  # of choosing the environment among the lights
 
 
-# ---- View.lens: where the distance of the plane in focus is
-FOCUS = i32(7)
+# ---- View.lens: what is where
+FOCUS = i32(7)  # distance of the plane in focus
+WINDOW = i32(20)  # middle of the window, x and y; number of a fisheye, see `kernels/camera.py`; unused
+# Weight of a sample of a filter; of a negative one; among positive ones, share of those from two negative lobes; unused
+FILTER_WEIGHTS = i32(24)
+# Two tables, of the positive part of the filter and of its negative one: see `kernels/filters.py`
+FILTER_TABLES = i32(28)
+FILTER_CELLS = i32(256)
 
 
 class View(NamedTuple):
     """Camera, film and limits of one render, as kernels see them."""
 
-    # (20,) float32: position, aperture; right, focus; up, half height; backward, half width;
-    # blades of the aperture, turn of their first corner from the right (turns), unused, unused
+    # (28 or more,) float32: position, aperture; right, focus; up, half height; backward, half width;
+    # blades of the aperture, turn of their first corner from the right (turns), unused, unused;
+    # then as above, tables only with FILTER. Half height and width are those of the window, see `Camera.window`
     lens: NDArray[Any]
     width: i32  # of the full image, pixels
     height: i32
@@ -197,6 +273,8 @@ class FilmArrays(NamedTuple):
     counts: NDArray[Any]  # (H, W) uint32: numbers of samples
     squares: NDArray[Any]  # (H, W) float32: sums of the squared luminance of samples; (0, 0) without ADAPTIVE
     goals: NDArray[Any]  # (ceil(H / TILE), ceil(W / TILE)) int32: samples that a tile is to have; or (0, 0)
+    parts: NDArray[Any]  # (H, W, C) float32: sums of the FILM_LAYERS, three columns each; (0, 0, 0) without them
+    parts_lost: NDArray[Any]  # as parts: what the rounding of these sums lost
 
 
 class LayerColumns(NamedTuple):
@@ -215,12 +293,13 @@ class LayerArrays(NamedTuple):
     """Layers of the first hit as kernels see them.
 
     Sums over the samples (H, W, C) float32, numbers of samples that hit something (H, W) uint32, numbers of samples
-    (H, W) uint32, and the primitive at each pixel's middle (H, W) int32, -1 for none.
+    (H, W) uint32, and the primitive at each pixel's middle (H, W) int32, -1 for none, with its instance, -1 for none.
     """
 
     sums: NDArray[Any]
     hits: NDArray[Any]
     counts: NDArray[Any]
     primitives: NDArray[Any]
+    instances: NDArray[Any]
     columns: LayerColumns
     channels: i32  # C

@@ -47,7 +47,8 @@ def _triangle_rows(geometry: Geometry, emission: NDArray[np.float64]) -> tuple[N
     normals, areas = geometry.face_normals()
     corner_materials = geometry.vertex_materials[geometry.faces]
     weights = areas * emission[corner_materials].mean(axis=1) if len(emission) else areas * 0
-    chosen = np.nonzero(weights > 0)[0]
+    # What instances place emits nothing there, whatever its own material: see `arrange`.
+    chosen = np.nonzero(weights[: geometry.lone_faces] > 0)[0]
     rows = np.zeros((len(chosen), int(layout.LIGHT_SIZE)), np.float32)
     numbers = rows.view(np.int32)
     corners = geometry.vertices[geometry.faces[chosen]]
@@ -73,7 +74,8 @@ def object_area(shape: Sphere | Cone) -> float:
 
 def _quadric_rows(geometry: Geometry, emission: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
     """Emissive quadrics: records without their densities, weights, object areas."""
-    chosen = [k for k, number in enumerate(geometry.quadric_materials) if emission[number] > 0]
+    lone = geometry.quadric_materials[: geometry.lone_quadrics]
+    chosen = [k for k, number in enumerate(lone) if emission[number] > 0]
     rows = np.zeros((len(chosen), int(layout.LIGHT_SIZE)), np.float32)
     numbers = rows.view(np.int32)
     weights, areas = np.zeros(len(chosen)), np.zeros(len(chosen))
@@ -91,7 +93,7 @@ def _quadric_rows(geometry: Geometry, emission: NDArray[np.float64]) -> tuple[ND
 
 def _delta_rows(scene: Scene, radius: float) -> tuple[NDArray, NDArray]:
     """Point and directional lights: records and weights."""
-    rows, weights = [], []
+    rows, weights, groups = [], [], _group_numbers(scene)
     for light in scene.lights:
         row = np.zeros(int(layout.LIGHT_SIZE), np.float32)
         if isinstance(light, PointLight) and is_positive(light.colour):
@@ -106,6 +108,7 @@ def _delta_rows(scene: Scene, radius: float) -> tuple[NDArray, NDArray]:
             weights.append(_luminance(np.array(light.colour)) * np.pi * radius**2)
         else:
             continue
+        row.view(np.int32)[layout.LIGHT_GROUP] = groups.get(light.group, 0)
         rows.append(row)
     return np.array(rows, np.float32).reshape(-1, int(layout.LIGHT_SIZE)), np.maximum(np.array(weights), 1e-30)
 
@@ -128,6 +131,10 @@ def collect_lights(
     deltas, delta_weights = _delta_rows(scene, radius)
     environment = np.zeros((1 if environment_mean > 0 else 0, int(layout.LIGHT_SIZE)), np.float32)
     environment.view(np.int32)[:, 3] = layout.ENVIRONMENT_LIGHT
+    groups = light_groups(scene, table)
+    for numbers, material in ((triangles.view(np.int32), 19), (quadrics.view(np.int32), 18)):
+        numbers[:, layout.LIGHT_GROUP] = groups[1 + numbers[:, material]]
+    environment.view(np.int32)[:, layout.LIGHT_GROUP] = groups[0]
     environment_weights = np.full(len(environment), environment_mean * np.pi * max(radius, 1e-9) ** 2)
     rows = np.concatenate([triangles, quadrics, deltas, environment])
     weights = np.concatenate([triangle_weights, quadric_weights, delta_weights, environment_weights])
@@ -158,6 +165,18 @@ def collect_lights(
     return LightTable(rows, density, probability, features, len(triangles) + len(quadrics), len(deltas))
 
 
+def _group_numbers(scene: Scene) -> dict[str, int]:
+    """Numbers of the light groups by name; a group whose lights are all dark has none."""
+    return {name: number for number, name in enumerate(scene.light_groups)}
+
+
+def light_groups(scene: Scene, table: MaterialTable) -> NDArray[np.int32]:
+    """(1 + M,) int32: numbers of the groups of the environment and of what each material emits."""
+    names = [scene.environment.group if scene.environment else "", *(material.group for material in table.materials)]
+    numbers = _group_numbers(scene)
+    return np.array([numbers.get(name, 0) for name in names], np.int32)
+
+
 def ambient_light(scene: Scene) -> NDArray[np.float32]:
     """(4,) float32: the sum of a scene's ambient lights, and a 0."""
     total = np.zeros(4, np.float32)
@@ -169,7 +188,7 @@ def ambient_light(scene: Scene) -> NDArray[np.float32]:
 
 def scene_radius(geometry: Geometry) -> float:
     """Half the diagonal of the box around all shapes, metres; 1 for an empty scene."""
-    lower, upper = geometry.bounds()
+    lower, upper = geometry.world_bounds()
     if not len(lower):
         return 1.0
     diagonal = float(np.linalg.norm(upper.max(axis=0).astype(np.float64) - lower.min(axis=0)))

@@ -1,16 +1,19 @@
-"""Materials and textures as tables."""
+"""Materials as tables."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Appearance, Material, Texture
+from ..scene import Appearance, Material, Mix, Texture
 from ..scene.material import is_positive
 from . import layout
 from .bsdfs import BsdfRow, write_bsdf
+from .maps import map_rows
+from .textures import TextureTable
 
 # Stands for a transmissive part of 0: whatever enters is gone within the shortest stretch.
 _OPAQUE = 1e20
@@ -21,7 +24,7 @@ class MaterialTable:
 
     def __init__(self) -> None:
         self.materials: list[Material | Appearance] = []
-        self._textures: list[Texture] = []
+        self.textures = TextureTable()
         self._numbers: dict[int, int] = {}
 
     def number(self, material: Material | Appearance) -> int:
@@ -32,17 +35,18 @@ class MaterialTable:
             self.materials.append(material)
         return self._numbers[key]
 
-    def _texture_number(self, texture: Texture) -> int:
-        for number, known in enumerate(self._textures):
-            if known is texture:
-                return number
-        self._textures.append(texture)
-        return len(self._textures) - 1
+    def add_parts(self) -> None:
+        """Number the materials that only mixes use; they come behind all others."""
+        for material in self.materials:
+            if isinstance(material, Mix):
+                # The list grows, so that parts of parts come too.
+                for part in material.parts().values():
+                    self.number(part)
 
     def _write_colour(self, row: NDArray[np.float32], at: int, value: Any) -> None:
         if isinstance(value, Texture):
             row[at : at + 3] = value.mean()
-            row.view(np.int32)[at + 3] = self._texture_number(value)
+            row.view(np.int32)[at + 3] = self.textures.number(value)
         else:
             row[at : at + 3] = value
             row.view(np.int32)[at + 3] = -1
@@ -56,7 +60,12 @@ class MaterialTable:
 
     def lobes(self) -> list[Material]:
         """The sum of lobes of each material, or the one that stands for it."""
-        return [material.as_lobes() if isinstance(material, Appearance) else material for material in self.materials]
+        return [
+            attrs.evolve(material.as_lobes(), emission=material.emission)
+            if isinstance(material, Appearance)
+            else material
+            for material in self.materials
+        ]
 
     def bsdf_rows(self) -> tuple[NDArray[np.float32], int]:
         """(M, 80) float32: the records of BSDFs, and their feature bits; no rows where all materials are lobes."""
@@ -64,8 +73,12 @@ class MaterialTable:
         features = 0
         for row, material in zip(table, self.materials):
             if isinstance(material, Appearance):
-                features |= write_bsdf(BsdfRow(row, self._texture_number), material)
+                features |= write_bsdf(BsdfRow(row, self.textures.number), material)
         return (table if features & layout.BSDFS else table[:0]), features
+
+    def map_rows(self) -> tuple[NDArray[np.float32], int]:
+        """(M, 16) float32: what materials do besides scattering, and their feature bits."""
+        return map_rows(self.materials, self.number, self.textures.number)
 
     def _write_row(self, row: NDArray[np.float32], material: Material) -> None:
         white = (1.0, 1.0, 1.0)
@@ -104,21 +117,9 @@ class MaterialTable:
             row[layout.PHONG_EXPONENT] = material.shininess
         return table
 
-    def textures(self) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """(N, 4) int32 texture records and (., 4) float32 texels; call after all rows."""
-        records = np.zeros((len(self._textures), 4), np.int32)
-        texels = []
-        first = 0
-        for record, texture in zip(records, self._textures):
-            height, width, _ = texture.image.shape
-            record[:] = first, width, height, texture.wrap == "clamp"
-            texels.append(np.concatenate([texture.image.reshape(-1, 3), np.zeros((height * width, 1), np.float32)], 1))
-            first += height * width
-        return records, np.concatenate(texels) if texels else np.zeros((0, 4), np.float32)
-
     def features(self) -> int:
-        """Feature bits of the materials."""
-        mask = 0
+        """Feature bits of the materials; call after all rows."""
+        mask = layout.TEXTURES if len(self.textures) else 0
         for material in self.lobes():
             if material.is_dielectric:
                 mask |= layout.DIELECTRICS

@@ -1,33 +1,42 @@
 """What a scene is, in world units, validated; knows nothing of files or rendering."""
 
-from .bsdfs import Appearance, Conductor, Diffuse
+from .bsdfs import AnyMaterial, Appearance, Conductor, Diffuse
 from .camera import Camera
 from .digest import scene_digest
+from .instances import Group, Instance, materials_of
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
-from .material import Material, Texture
+from .material import Material
+from .mix import Mix
 from .scene import Scene
 from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_normals, transform_mesh
+from .textures import Checker, Texture
 
 __all__ = [
     "AmbientLight",
+    "AnyMaterial",
     "Appearance",
     "Box",
     "Camera",
+    "Checker",
     "Conductor",
     "Cone",
     "Cylinder",
     "Diffuse",
     "DirectionalLight",
     "Environment",
+    "Group",
+    "Instance",
     "Light",
     "Material",
     "Mesh",
+    "Mix",
     "PointLight",
     "Scene",
     "Shape",
     "Sphere",
     "Square",
     "Texture",
+    "materials_of",
     "scene_digest",
     "smooth_normals",
     "transform_mesh",

@@ -6,11 +6,13 @@ import math
 from typing import Any, ClassVar
 
 from attrs import field, frozen
+from attrs.validators import optional
 
 from ..errors import SceneError
-from .material import Colour, Material, Texture, is_positive
+from .material import Colour, Material, is_positive
 from .metals import METALS
-from .values import colour
+from .textures import Texture
+from .values import colour, group_name
 
 Number = float | Texture
 
@@ -41,22 +43,57 @@ def checked_share(owner: Any, attribute: Any, value: Any) -> None:
         checked_number(0.0, 1.0)(owner, attribute, value)
 
 
+def checked_map(owner: Any, attribute: Any, value: Any) -> None:
+    """A validator of attrs: a texture of linear data, or None."""
+    if value is None:
+        return
+    if not isinstance(value, Texture):
+        raise SceneError(f"{_where(owner)}: {attribute.name} is {value!r}: it must be a Texture")
+    if value.image.dtype == "uint8" and value.srgb:
+        raise SceneError(f"{_where(owner)}: {attribute.name} holds data, not colours: give its Texture srgb=False")
+
+
+def checked_flag(owner: Any, attribute: Any, value: Any) -> None:
+    """A validator of attrs: True or False."""
+    if not isinstance(value, bool):
+        raise SceneError(f"{_where(owner)}: {attribute.name} is {value!r}: it must be True or False")
+
+
 @frozen(eq=False, kw_only=True)
 class Appearance:
     """What all materials of this page have in common.
 
     Args:
         emission: radiance that leaves the surface, W/(m^2 sr), linear Rec.709: one number, three, or a `Texture`.
+        group: name of the light group that the emission belongs to, for the layers of `light_groups`.
+        opacity: from 0, not there, to 1: the fraction of rays that the surface stops; often `texture.view("a")`.
+        alpha_cutoff: None, or a number from 0 to 1: where opacity is less the surface is not there, elsewhere it is
+            opaque.
+        normal_map: a texture of tangent-space normals as glTF has them: red along u, green along v, blue outwards, each
+            from -1 to 1 as 0 to 1; read with srgb=False.
+        normal_scale: what the red and green parts of the normal map are multiplied by.
+        bump_map: a texture of heights.
+        bump_height: metres that a height of 1 stands out.
+        two_sided: False: triangles are not there for rays from behind, as with `Mesh(two_sided=False)`.
         name: for messages and look-ups.
     """
 
     emission: Colour | Texture = BLACK
+    group: str = ""
+    opacity: Number = field(default=1.0, validator=checked_share)
+    alpha_cutoff: float | None = field(default=None, validator=optional(checked_number(0.0, 1.0)))
+    normal_map: Texture | None = field(default=None, validator=checked_map)
+    normal_scale: float = field(default=1.0, validator=checked_number(-100.0, 100.0))
+    bump_map: Texture | None = field(default=None, validator=checked_map)
+    bump_height: float = field(default=0.01, validator=checked_number(-1e6, 1e6))
+    two_sided: bool = field(default=True, validator=checked_flag)
     name: str = ""
 
     # The greatest value of each colour; emission has no bound.
     _limits: ClassVar[dict[str, float]] = {"emission": 1e12}
 
     def __attrs_post_init__(self) -> None:
+        group_name(self.group, f"{_where(self)}: group")
         for name, high in self._limits.items():
             value = getattr(self, name)
             if value is not None and not isinstance(value, Texture):
@@ -66,6 +103,16 @@ class Appearance:
     def is_emissive(self) -> bool:
         """Whether the surface emits anywhere."""
         return is_positive(self.emission)
+
+    @property
+    def has_holes(self) -> bool:
+        """Whether rays may go through as if there were nothing."""
+        return isinstance(self.opacity, Texture) or self.opacity < 1
+
+    @property
+    def has_normals(self) -> bool:
+        """Whether a map bends its normals."""
+        return self.normal_map is not None or self.bump_map is not None
 
     @property
     def is_dielectric(self) -> bool:
@@ -167,6 +214,20 @@ class Conductor(Appearance):
     def as_lobes(self) -> Material:
         """A mirror of its colour."""
         return Material(specular=self.face_on(), emission=self.emission, name=self.name)
+
+
+AnyMaterial = Material | Appearance
+
+
+def checked_material(value: Any) -> AnyMaterial:
+    """The value, which must be a material.
+
+    Raises:
+        SceneError: it is something else.
+    """
+    if not isinstance(value, (Material, Appearance)):
+        raise SceneError(f"a material is {value!r}; it must be a Material, Diffuse, Conductor or the like")
+    return value
 
 
 def extinction_of(tint: Colour, distance: float) -> Colour:

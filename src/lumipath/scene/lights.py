@@ -9,7 +9,7 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from .values import Floats, affine, colour, float_array
+from .values import Floats, affine, colour, float_array, group_name
 
 
 def unit_vector(value: Any, name: str) -> tuple[float, float, float]:
@@ -39,6 +39,7 @@ class PointLight:
         position: metres.
         colour: linear Rec.709; the irradiance is pi times as much.
         attenuation: a, b (1/m) and c (1/m^2), each 0 or more, not all 0.
+        group: name of the light group that it belongs to, for the layers of `light_groups`.
     """
 
     position: tuple[float, float, float] = field(converter=lambda v: _point(v, "point light: position"))
@@ -48,6 +49,7 @@ class PointLight:
     attenuation: tuple[float, float, float] = field(
         default=(0.0, 0.0, 1.0), converter=lambda v: colour(v, "point light: attenuation")
     )
+    group: str = field(default="", converter=lambda v: group_name(v, "point light: group"))
 
     def __attrs_post_init__(self) -> None:
         if max(self.attenuation) == 0:
@@ -56,7 +58,10 @@ class PointLight:
 
 @frozen(eq=False, kw_only=True)
 class DirectionalLight:
-    """Parallel light along `direction` that gives a white diffuse surface facing it the radiance `colour`."""
+    """Parallel light along `direction` that gives a white diffuse surface facing it the radiance `colour`.
+
+    Its `group` is as for `PointLight`.
+    """
 
     direction: tuple[float, float, float] = field(
         default=(0.0, 0.0, -1.0), converter=lambda v: unit_vector(v, "directional light: direction")
@@ -64,6 +69,7 @@ class DirectionalLight:
     colour: tuple[float, float, float] = field(
         default=(1.0, 1.0, 1.0), converter=lambda v: colour(v, "directional light: colour")
     )
+    group: str = field(default="", converter=lambda v: group_name(v, "directional light: group"))
 
 
 @frozen(eq=False, kw_only=True)
@@ -85,6 +91,7 @@ class Environment:
         scale: factor on the radiance.
         rotation: 4 x 4 affine, environment to world; its translation has no effect.
         name: for messages, usually the file.
+        group: as for `PointLight`.
     """
 
     image: Floats = field()
@@ -93,6 +100,7 @@ class Environment:
         factory=lambda: np.eye(4), converter=lambda value: affine(value, "environment: rotation")
     )
     name: str = ""
+    group: str = field(default="", converter=lambda v: group_name(v, "environment: group"))
 
     def __attrs_post_init__(self) -> None:
         image = float_array(self.image, (None, None, 3), f"environment {self.name or 'image'}")

@@ -8,7 +8,7 @@ from ..fresnel import conductor_reflectance, tinted_reflectance
 from ..microfacet import anisotropic_alphas, ggx_density, ggx_lambda, ggx_visible_normal, reflected
 from ..vectors import dot, normalize
 from .mirror import mirror_direction
-from .values import BsdfSample, BsdfValue, colour_slot, no_sample, no_value, number_slot, slot
+from .values import BsdfSample, BsdfValue, base_colour_slot, colour_slot, no_sample, no_value, number_slot, slot
 
 # Rougher than this by alpha, a lobe is sampled as one; below it is a mirror to any camera.
 SMOOTH_ALPHA = f32(1e-3)
@@ -31,9 +31,11 @@ def metal_at(scene, s, kind):
     alpha_x, alpha_y = anisotropic_alphas(
         number_slot(scene, s, BSDF_ROUGHNESS), slot(scene, s.material, BSDF_ANISOTROPY)[0]
     )
-    first = colour_slot(scene, s, BSDF_COLOUR)
+    # An index of refraction is no colour.
+    measured = kind == MEASURED_METAL_KIND
+    first = colour_slot(scene, s, BSDF_COLOUR) if measured else base_colour_slot(scene, s)
     second = colour_slot(scene, s, BSDF_EDGE)
-    return Metal(kind == MEASURED_METAL_KIND, first, second, alpha_x, alpha_y)
+    return Metal(measured, first, second, alpha_x, alpha_y)
 
 
 @kernel

@@ -7,11 +7,11 @@ Oren and Nayar (1994), and what it loses between facets added back.
 from __future__ import annotations
 
 from ...lang import INV_PI, PI, Vec3, f32, kernel, sqrt, struct
-from ...pack.layout import BSDF_COLOUR, BSDF_ROUGHNESS
+from ...pack.layout import BSDF_ROUGHNESS
 from ..functions import acos_turn
 from ..vectors import dot
 from ..warps import cosine_hemisphere, cosine_hemisphere_pdf
-from .values import BsdfSample, BsdfValue, colour_slot, no_value, number_slot
+from .values import BsdfSample, BsdfValue, base_colour_slot, no_value, number_slot
 
 # Constants of Fujii's model: 1/2 - 2 / (3 pi), and 2/3 - 28 / (15 pi).
 _C1 = f32(0.2877934)
@@ -29,7 +29,7 @@ class RoughDiffuse:
 @kernel
 def rough_diffuse_at(scene, s):
     """The parameters at a point of a surface."""
-    return RoughDiffuse(colour_slot(scene, s, BSDF_COLOUR), number_slot(scene, s, BSDF_ROUGHNESS))
+    return RoughDiffuse(base_colour_slot(scene, s), number_slot(scene, s, BSDF_ROUGHNESS))
 
 
 @kernel

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from ...lang import Vec3, as_int, f32, kernel, load4, struct
-from ...pack.layout import BSDF_SIZE, TEXTURES
-from ..textures import bilinear
+from ...pack.layout import BSDF_COLOUR, BSDF_SIZE, TEXTURES
+from ..textures import texture_colour
 from ..vectors import black, xyz
+from ..vertex_colours import vertex_colour
 
 
 @struct
@@ -54,7 +55,13 @@ def colour_slot(scene, s, at):
     """A colour at a point of a surface: a factor times what a texture shows there."""
     row = slot(scene, s.material, at)
     texture = as_int(row[3])
-    return xyz(row) * bilinear(scene, texture, s.u, s.v) if texture >= 0 else xyz(row)
+    return xyz(row) * texture_colour(scene, texture, s.u, s.v, s.footprint) if texture >= 0 else xyz(row)
+
+
+@kernel
+def base_colour_slot(scene, s):
+    """The colour of a surface at a point: that of its material times that of the vertices around."""
+    return colour_slot(scene, s, BSDF_COLOUR) * vertex_colour(scene, s.corner, s.w1, s.w2)
 
 
 @kernel
@@ -68,4 +75,4 @@ def number_slot(scene, s, at):
     """A number at a point of a surface: a factor times a channel of what a texture shows there."""
     row = slot(scene, s.material, at)
     texture = as_int(row[3])
-    return row[0] * bilinear(scene, texture, s.u, s.v).x if texture >= 0 else row[0]
+    return row[0] * texture_colour(scene, texture, s.u, s.v, s.footprint).x if texture >= 0 else row[0]
