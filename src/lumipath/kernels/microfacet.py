@@ -51,6 +51,16 @@ def ggx_visible_density(wo, h, alpha_x, alpha_y):
 
 
 @kernel
+def visible_weight(wo, wi, alpha_x, alpha_y):
+    """Of the light that goes from wo to wi at facets that wo sees, the fraction that wi sees as well.
+
+    Masking and shadowing go together, since both grow with the height of a facet (Heitz 2014, section 6).
+    """
+    facing = 1.0 + ggx_lambda(wo, alpha_x, alpha_y)
+    return facing * inverse(facing + ggx_lambda(wi, alpha_x, alpha_y))
+
+
+@kernel
 def reflected(w, h):
     """W mirrored at a microfacet with the normal h."""
     return h * (2.0 * dot(w, h)) - w

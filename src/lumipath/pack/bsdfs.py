@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..scene import Texture
 from ..scene.bsdfs import Appearance, Conductor, Diffuse
 from . import layout
+from .energy import EnergyTables
 
 TextureNumber = Callable[[Texture], int]
 
@@ -21,12 +22,14 @@ class BsdfRow:
     Args:
         row: (80,) float32, zeros.
         texture_number: gives a texture its number.
+        energy: gives an index of refraction its tables.
     """
 
-    def __init__(self, row: NDArray[np.float32], texture_number: TextureNumber) -> None:
+    def __init__(self, row: NDArray[np.float32], texture_number: TextureNumber, energy: EnergyTables) -> None:
         self._row = row
         self._bits = row.view(np.int32)
         self._texture_number = texture_number
+        self._energy = energy
 
     def kind(self, kind: Any) -> None:
         """The kind of BSDF."""

@@ -53,6 +53,8 @@ THIN_DIELECTRICS = 1 << 51
 PRINCIPLED = 1 << 52
 ANISOTROPY = 1 << 56
 
+MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | PRINCIPLED
+"""Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
@@ -95,6 +97,13 @@ TINTED_METAL_KIND = i32(3)
 ROUGH_DIELECTRIC_KIND = i32(4)
 THIN_DIELECTRIC_KIND = i32(5)
 PRINCIPLED_KIND = i32(6)
+
+# ---- energy: tables of directional albedos, of `pack/energy.py`. A table has 32 rows of roughness with 32 cells
+#      of cosine, and then the mean of each row over the hemisphere
+ENERGY_SIDE = i32(32)
+ENERGY_TABLE = i32(32 * 33)
+ENERGY_WHITE = i32(0)  # of white facets
+ENERGY_SCHLICK = i32(1)  # of facets with Schlick's weight, less that weight at the cosine times the white
 
 # ---- what only Whitted ray tracing needs to know of materials: 16 floats. Colours as above --------------------------
 PHONG_SIZE = i32(16)
@@ -144,6 +153,7 @@ class PackedScene(NamedTuple):
     materials: NDArray[Any]  # (M, 28) float32
     phong: NDArray[Any]  # (M, 16) float32
     bsdfs: NDArray[Any]  # (M, 80) float32; empty without BSDFS
+    energy: NDArray[Any]  # (E, 1056) float32; empty without MICROFACETS
     textures: NDArray[Any]  # (N, 4) int32
     texels: NDArray[Any]  # (., 4) float32
     lights: NDArray[Any]  # (L, 24) float32

@@ -11,6 +11,7 @@ from ..scene import Appearance, Material, Texture
 from ..scene.material import is_positive
 from . import layout
 from .bsdfs import BsdfRow, write_bsdf
+from .energy import EnergyTables
 
 # Stands for a transmissive part of 0: whatever enters is gone within the shortest stretch.
 _OPAQUE = 1e20
@@ -21,6 +22,7 @@ class MaterialTable:
 
     def __init__(self) -> None:
         self.materials: list[Material | Appearance] = []
+        self.energy = EnergyTables()
         self._textures: list[Texture] = []
         self._numbers: dict[int, int] = {}
 
@@ -64,7 +66,7 @@ class MaterialTable:
         features = 0
         for row, material in zip(table, self.materials):
             if isinstance(material, Appearance):
-                features |= write_bsdf(BsdfRow(row, self._texture_number), material)
+                features |= write_bsdf(BsdfRow(row, self._texture_number, self.energy), material)
         return (table if features & layout.BSDFS else table[:0]), features
 
     def _write_row(self, row: NDArray[np.float32], material: Material) -> None:

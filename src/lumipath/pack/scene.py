@@ -79,6 +79,7 @@ def pack_scene(scene: Scene) -> Packed:
         materials=aligned(rows),
         phong=aligned(phong),
         bsdfs=aligned(bsdfs),
+        energy=aligned(table.energy.rows(features)),
         textures=aligned(textures),
         texels=aligned(texels),
         lights=aligned(lights.rows),

@@ -53,6 +53,6 @@ def from_rough_diffuse(scene, s, kind, q):
 def response(scene, s, kind, q):
     """A metal, or else."""
     if (kind == MEASURED_METAL_KIND) | (kind == TINTED_METAL_KIND):
-        m = metal_at(scene, s, kind)
+        m = metal_at(scene, s, kind, q.wo)
         return Response(eval_metal(m, q.wo, q.wi), sample_metal(m, q.wo, q.u, q.v))
     return from_rough_diffuse(scene, s, kind, q)

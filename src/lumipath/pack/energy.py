@@ -1,0 +1,81 @@
+"""Tables of what rough surfaces reflect of white light, integrated with the kernels when a scene needs them."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.energy import GREATEST_ROUGHNESS, LEAST_ALPHA, table_cosine
+from ..kernels.fresnel import schlick_weight
+from ..kernels.microfacet import ggx_visible_normal, reflected, visible_weight
+from ..kernels.vectors import dot
+from ..lang import Vec3, compiled, f32
+from . import layout
+
+SIDE = int(layout.ENERGY_SIDE)
+# Points on the sides of the square of random numbers; by symmetry one half of the azimuth is enough.
+_POINTS, _TURNS = 48, 24
+
+
+class EnergyTables:
+    """Collects the tables that a scene needs."""
+
+    def rows(self, features: int) -> NDArray[np.float32]:
+        """(E, 1056) float32, in the order of their numbers; none for a scene without `layout.MICROFACETS`."""
+        if not features & layout.MICROFACETS:
+            return np.zeros((0, int(layout.ENERGY_TABLE)), np.float32)
+        return np.stack(_reflecting())
+
+
+@cache
+def _reflecting() -> list[NDArray[np.float32]]:
+    """The tables of white facets; and of those that reflect Schlick's weight, beyond what they do where smooth."""
+    cosines, alphas = _axes()
+    found = np.zeros((2, SIDE, SIDE))
+    _integrate_reflection(cosines, alphas, found)
+    return [_with_means(cosines, table) for table in found]
+
+
+def _axes() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(32, 32) cosines and (32,) alphas of the cells."""
+    alphas = np.maximum(np.linspace(0, GREATEST_ROUGHNESS, SIDE) ** 2, LEAST_ALPHA).astype(np.float32)
+    # Exactly grazing there is nothing to integrate.
+    places = np.maximum(np.linspace(0, 1, SIDE), 2e-3).astype(np.float32)
+    cosines = np.zeros((SIDE, SIDE), np.float32)
+    _cosines_of(places, alphas, cosines)
+    return np.minimum(cosines, 1), alphas
+
+
+def _with_means(cosines: NDArray[np.float32], table: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(1056,): a table, and the mean of each row over the hemisphere."""
+    mu2 = cosines.astype(np.float64) ** 2
+    means = ((table[:, 1:] + table[:, :-1]) / 2 * np.diff(mu2)).sum(axis=1) + table[:, 0] * mu2[:, 0]
+    return np.concatenate([table.ravel(), means]).astype(np.float32)
+
+
+@compiled
+def _cosines_of(places, alphas, cosines):  # type: ignore[no-untyped-def]
+    for row in range(SIDE):
+        for column in range(SIDE):
+            cosines[row, column] = table_cosine(places[column], alphas[row])
+
+
+@compiled
+def _integrate_reflection(cosines, alphas, found):  # type: ignore[no-untyped-def]
+    for row in range(SIDE):
+        for column in range(SIDE):
+            mu, alpha = cosines[row, column], alphas[row]
+            wo = Vec3(np.sqrt(max(f32(0), f32(1) - mu * mu)), f32(0), mu)  # type: ignore[call-arg]
+            for i in range(_POINTS):
+                # Dense towards u = 1, where facets lie steep and lose light.
+                rest = 1 - (i + 0.5) / _POINTS
+                share = ((1 - i / _POINTS) ** 3 - (1 - (i + 1) / _POINTS) ** 3) / _TURNS
+                for j in range(_TURNS):
+                    h = ggx_visible_normal(wo, alpha, alpha, f32(1 - rest**3), f32((j + 0.5) / (2 * _TURNS)))
+                    wi = reflected(wo, h)
+                    if wi.z > 0:
+                        weight = visible_weight(wo, wi, alpha, alpha) * share
+                        found[0, row, column] += weight
+                        found[1, row, column] += weight * (schlick_weight(dot(wo, h)) - schlick_weight(mu))
