@@ -49,6 +49,7 @@ _HOMES = {
         "Material",
         "Mesh",
         "PointLight",
+        "Principled",
         "Scene",
         "Sphere",
         "Square",

@@ -31,6 +31,7 @@ PUBLIC = [
     "Material",
     "Mesh",
     "PointLight",
+    "Principled",
     "Progress",
     "RenderError",
     "RenderSettings",

@@ -14,6 +14,8 @@ from .vectors import white
 # The first and the last row of tables. Anisotropic facets are rougher than 1 in one direction.
 LEAST_ALPHA = f32(1e-4)
 GREATEST_ROUGHNESS = f32(1.75)
+# Of smoother cloth nothing but the very edge would shine.
+LEAST_SHEEN_ALPHA = f32(1e-2)
 _ROWS_PER_ROUGHNESS = f32(f32(ENERGY_SIDE - 1) / GREATEST_ROUGHNESS)
 
 
@@ -85,6 +87,35 @@ def albedo_of(scene, table, mu, alpha_x, alpha_y):
     return Albedo(0.5 * (a.directional + b.directional), 0.5 * (a.mean + b.mean))
 
 
+@struct
+class FacetAlbedo:
+    """What facets reflect at once whose reflectance is 1 everywhere, and of those that reflect Schlick's weight."""
+
+    all: Albedo
+    edge: Albedo
+
+
+@kernel
+def facet_albedo(scene, mu, alpha_x, alpha_y):
+    """Both at the cosine mu; the alphas are those of GGX."""
+    everything = albedo_of(scene, ENERGY_WHITE, mu, alpha_x, alpha_y)
+    # The table has what is not that of a smooth surface, which it could not resolve.
+    edge = albedo_of(scene, ENERGY_SCHLICK, mu, alpha_x, alpha_y)
+    return FacetAlbedo(everything, Albedo(schlick_weight(mu) * everything.directional + edge.directional, edge.mean))
+
+
+@kernel
+def directional(albedo, f0, f90):
+    """Of a `FacetAlbedo`, for facets that reflect f0 face to face and f90 at the edge; numbers or vectors."""
+    return f0 * (albedo.all.directional - albedo.edge.directional) + f90 * albedo.edge.directional
+
+
+@kernel
+def hemispherical(albedo, f0, f90):
+    """The same for its mean over the hemisphere."""
+    return f0 * (albedo.all.mean - albedo.edge.mean) + f90 * albedo.edge.mean
+
+
 @kernel
 def schlick_albedo(scene, mu, alpha_x, alpha_y, f0):
     """Fraction of the light at the cosine mu that facets with Schlick's reflectance reflect at once.
@@ -96,10 +127,7 @@ def schlick_albedo(scene, mu, alpha_x, alpha_y, f0):
         alpha_y: of GGX.
         f0: reflectance face to face, Vec3.
     """
-    all_light = albedo_of(scene, ENERGY_WHITE, mu, alpha_x, alpha_y).directional
-    # The table has what is not that of a smooth surface, which it could not resolve.
-    edge = schlick_weight(mu) * all_light + albedo_of(scene, ENERGY_SCHLICK, mu, alpha_x, alpha_y).directional
-    return f0 * (all_light - edge) + white() * edge
+    return directional(facet_albedo(scene, mu, alpha_x, alpha_y), f0, white())
 
 
 @kernel
@@ -116,7 +144,12 @@ def energy_compensation(scene, mu, alpha_x, alpha_y, average):
         alpha_y: of GGX.
         average: mean reflectance of a facet over the hemisphere, weighted by the cosine, Vec3.
     """
-    albedo = albedo_of(scene, ENERGY_WHITE, mu, alpha_x, alpha_y)
+    return compensation(albedo_of(scene, ENERGY_WHITE, mu, alpha_x, alpha_y), average)
+
+
+@kernel
+def compensation(albedo, average):
+    """The same from the albedo of white facets."""
     k = (1.0 - albedo.directional) / albedo.directional * albedo.mean
     rest = 1.0 - albedo.mean
     return Vec3(

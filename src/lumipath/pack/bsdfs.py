@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from ..scene import Texture
 from ..scene.bsdfs import Appearance, Conductor, Diffuse
+from ..scene.material import is_positive
+from ..scene.principled import Principled
 from . import layout
 from .energy import EnergyTables
 
@@ -29,6 +31,7 @@ class BsdfRow:
         self._row = row
         self._bits = row.view(np.int32)
         self._texture_number = texture_number
+        self.features = 0
         self._energy = energy
 
     def kind(self, kind: Any) -> None:
@@ -38,12 +41,31 @@ class BsdfRow:
     def colour(self, at: Any, value: Any) -> None:
         """A colour slot: a constant, or a texture."""
         self._row[at : at + 3] = 1.0 if isinstance(value, Texture) else value
-        self._bits[at + 3] = self._texture_number(value) if isinstance(value, Texture) else -1
+        self._texture(at, value)
 
     def number(self, at: Any, value: Any) -> None:
         """A number slot: a constant, or the first channel of a texture."""
         self._row[at] = 1.0 if isinstance(value, Texture) else value
-        self._bits[at + 3] = self._texture_number(value) if isinstance(value, Texture) else -1
+        self._texture(at, value)
+
+    def _texture(self, at: Any, value: Any) -> None:
+        if isinstance(value, Texture):
+            self._bits[at + 3] = self._texture_number(value)
+            self.features |= layout.TEXTURES
+        else:
+            self._bits[at + 3] = -1
+
+    def interface(self, index: float, thin: bool) -> None:
+        """The index of refraction inside, and whether there is no inside."""
+        # Facets between equal indices have no half vector.
+        self._row[layout.BSDF_INTERFACE] = max(index, 1.001)
+        self._row[layout.BSDF_INTERFACE + 1] = thin
+        self._row[layout.BSDF_INTERFACE + 2] = ((index - 1) / (index + 1)) ** 2
+
+    def film(self, thickness: Any, index: float) -> None:
+        """A thin film: its thickness, nm, and its index of refraction."""
+        self.number(layout.BSDF_FILM, thickness)
+        self._row[layout.BSDF_FILM + 1] = index
 
     def anisotropy(self, strength: float, rotation: float) -> int:
         """The anisotropy slot; rotation in degrees. Returns its feature bit, or 0 without any."""
@@ -54,7 +76,8 @@ class BsdfRow:
 
 def write_bsdf(row: BsdfRow, material: Appearance) -> int:
     """Write the record of a material; returns the feature bits that it needs, 0 where its lobes are all there is."""
-    return _WRITERS[type(material)](row, material)
+    features = _WRITERS[type(material)](row, material)
+    return features | row.features if features else 0
 
 
 def _write_diffuse(row: BsdfRow, material: Diffuse) -> int:
@@ -80,7 +103,36 @@ def _write_conductor(row: BsdfRow, material: Conductor) -> int:
     return layout.CONDUCTORS | row.anisotropy(material.anisotropy, material.rotation)
 
 
+def _write_principled(row: BsdfRow, material: Principled) -> int:
+    row.kind(layout.PRINCIPLED_KIND)
+    row.colour(layout.BSDF_COLOUR, material.base_colour)
+    row.number(layout.BSDF_METALLIC, material.metallic)
+    row.number(layout.BSDF_ROUGHNESS, material.roughness)
+    row.interface(material.ior, material.thin)
+    row.number(layout.BSDF_TRANSMISSION, material.transmission)
+    row.number(layout.BSDF_SPECULAR, material.specular)
+    row.colour(layout.BSDF_SPECULAR_COLOUR, material.specular_colour)
+    row.number(layout.BSDF_CLEARCOAT, material.clearcoat)
+    row.number(layout.BSDF_CLEARCOAT_ROUGHNESS, material.clearcoat_roughness)
+    row.colour(layout.BSDF_SHEEN, material.sheen_colour)
+    row.number(layout.BSDF_SHEEN_ROUGHNESS, material.sheen_roughness)
+    row.number(layout.BSDF_IRIDESCENCE, material.iridescence)
+    row.film(material.iridescence_thickness, material.iridescence_ior)
+    features = layout.PRINCIPLED | row.anisotropy(material.anisotropy, material.anisotropy_rotation)
+    features |= layout.TRANSMISSION if material.transmits else 0
+    features |= layout.CLEARCOAT if _is_above_zero(material.clearcoat) else 0
+    features |= layout.SHEEN if is_positive(material.sheen_colour) else 0
+    features |= layout.IRIDESCENCE if _is_above_zero(material.iridescence) else 0
+    usual = material.specular == 1 and material.specular_colour == (1.0, 1.0, 1.0)
+    return features if usual else features | layout.SPECULAR
+
+
+def _is_above_zero(value: float | Texture) -> bool:
+    return is_positive(value) if isinstance(value, Texture) else value > 0
+
+
 _WRITERS: dict[type, Callable[[BsdfRow, Any], int]] = {
     Conductor: _write_conductor,
     Diffuse: _write_diffuse,
+    Principled: _write_principled,
 }

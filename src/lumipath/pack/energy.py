@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.energy import GREATEST_ROUGHNESS, LEAST_ALPHA, table_cosine
+from ..kernels.energy import GREATEST_ROUGHNESS, LEAST_ALPHA, LEAST_SHEEN_ALPHA, table_cosine
 from ..kernels.fresnel import schlick_weight
 from ..kernels.microfacet import ggx_visible_normal, reflected, visible_weight
 from ..kernels.vectors import dot
@@ -17,6 +17,8 @@ from . import layout
 SIDE = int(layout.ENERGY_SIDE)
 # Points on the sides of the square of random numbers; by symmetry one half of the azimuth is enough.
 _POINTS, _TURNS = 48, 24
+# The same for directions of light upon fibres.
+_FIBRE_POINTS = 48
 
 
 class EnergyTables:
@@ -31,11 +33,45 @@ class EnergyTables:
 
 @cache
 def _reflecting() -> list[NDArray[np.float32]]:
-    """The tables of white facets; and of those that reflect Schlick's weight, beyond what they do where smooth."""
+    """The tables of white facets, of those that reflect Schlick's weight beyond what smooth ones do, and of sheen."""
     cosines, alphas = _axes()
     found = np.zeros((2, SIDE, SIDE))
     _integrate_reflection(cosines, alphas, found)
-    return [_with_means(cosines, table) for table in found]
+    everything, edge = (_with_means(cosines, table) for table in found)
+    edge[SIDE * SIDE :] = _edge_means(found, alphas)
+    return [everything, edge, _with_means(cosines, _sheen(cosines, alphas))]
+
+
+def _edge_means(found: NDArray[np.float64], alphas: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(32,): means over the hemisphere of what facets reflect that reflect Schlick's weight."""
+    mu = (np.arange(1024) + 0.5) / 1024
+    # The inverse of `table_cosine`.
+    columns = np.arange(SIDE) / (SIDE - 1)
+    places = mu * (1 + alphas[:, None]) / (mu + alphas[:, None])
+    everything, beyond = (
+        np.stack([np.interp(place, columns, row) for place, row in zip(places, table)]) for table in found
+    )
+    weighted: NDArray[np.float64] = ((beyond + everything * (1 - mu) ** 5) * 2 * mu).mean(axis=1)
+    return weighted
+
+
+def _sheen(cosines: NDArray[np.float32], alphas: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(32, 32): what white fibres reflect (`kernels.bsdf.coats.fibres`), which for flat ones is more than arrives."""
+    # Directions of light: dense where they graze.
+    side = np.arange(_FIBRE_POINTS) + 0.5
+    cosine = ((side / _FIBRE_POINTS) ** 2)[:, None]
+    area = (2 * side / _FIBRE_POINTS**2)[:, None] * (2 * np.pi / _FIBRE_POINTS)
+    turn = np.pi * side / _FIBRE_POINTS
+    table = np.zeros((SIDE, SIDE))
+    for row, alpha in enumerate(np.maximum(alphas.astype(float), float(LEAST_SHEEN_ALPHA))):
+        for column, mu in enumerate(cosines[row].astype(float)):
+            # Squared sine of the half vector, from the scalar product of both directions.
+            product = np.sqrt((1 - cosine**2) * (1 - mu**2)) * np.cos(turn) + cosine * mu
+            flat = np.clip(1 - (cosine + mu) ** 2 / (2 + 2 * product), 0, 1)
+            density = (2 + 1 / alpha) / (2 * np.pi) * flat ** (0.5 / alpha)
+            visible = 1 / (4 * (cosine + mu - cosine * mu))
+            table[row, column] = (density * visible * cosine * area).sum()
+    return table
 
 
 def _axes() -> tuple[NDArray[np.float32], NDArray[np.float32]]:

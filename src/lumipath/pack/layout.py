@@ -52,6 +52,12 @@ ROUGH_DIELECTRICS = 1 << 50
 THIN_DIELECTRICS = 1 << 51
 PRINCIPLED = 1 << 52
 ANISOTROPY = 1 << 56
+# Parts of the principled material.
+CLEARCOAT = 1 << 61
+SHEEN = 1 << 62
+IRIDESCENCE = 1 << 63
+TRANSMISSION = 1 << 64
+SPECULAR = 1 << 65  # dielectrics reflect otherwise than their index says
 
 MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | PRINCIPLED
 """Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
@@ -88,6 +94,18 @@ BSDF_COLOUR = i32(4)  # albedo, base colour, or reflectance of a metal
 BSDF_EDGE = i32(8)  # metal: k, or its reflectance at 82 degrees relative to Schlick's
 BSDF_ROUGHNESS = i32(12)
 BSDF_ANISOTROPY = i32(16)  # strength, rotation (turns), unused, unused
+# Of the principled material.
+BSDF_METALLIC = i32(20)
+BSDF_INTERFACE = i32(24)  # index of refraction, 1 for thin walls or 0, reflectance face to face, unused
+BSDF_TRANSMISSION = i32(28)
+BSDF_SPECULAR = i32(32)
+BSDF_SPECULAR_COLOUR = i32(36)
+BSDF_CLEARCOAT = i32(40)
+BSDF_CLEARCOAT_ROUGHNESS = i32(44)
+BSDF_SHEEN = i32(48)  # colour
+BSDF_SHEEN_ROUGHNESS = i32(52)
+BSDF_IRIDESCENCE = i32(56)
+BSDF_FILM = i32(60)  # a number: thickness, nm; and in the first unused place the film's index of refraction
 
 # Kinds. LOBES: the record in `materials` is all there is.
 LOBES_KIND = i32(0)
@@ -103,7 +121,8 @@ PRINCIPLED_KIND = i32(6)
 ENERGY_SIDE = i32(32)
 ENERGY_TABLE = i32(32 * 33)
 ENERGY_WHITE = i32(0)  # of white facets
-ENERGY_SCHLICK = i32(1)  # of facets with Schlick's weight, less that weight at the cosine times the white
+ENERGY_SCHLICK = i32(1)  # of facets with Schlick's weight, less that weight at the cosine times the white; full means
+ENERGY_SHEEN = i32(2)  # of white fibres
 
 # ---- what only Whitted ray tracing needs to know of materials: 16 floats. Colours as above --------------------------
 PHONG_SIZE = i32(16)

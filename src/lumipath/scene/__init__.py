@@ -5,6 +5,7 @@ from .camera import Camera
 from .digest import scene_digest
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
 from .material import Material, Texture
+from .principled import Principled
 from .scene import Scene
 from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_normals, transform_mesh
 
@@ -23,6 +24,7 @@ __all__ = [
     "Material",
     "Mesh",
     "PointLight",
+    "Principled",
     "Scene",
     "Shape",
     "Sphere",

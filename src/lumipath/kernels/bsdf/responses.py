@@ -6,8 +6,17 @@ A link reads the parameters once, and uses them for the light that arrives and f
 from __future__ import annotations
 
 from ...lang import Vec3, f32, kernel, struct
-from ...pack.layout import CONDUCTORS, MEASURED_METAL_KIND, ROUGH_DIFFUSE, ROUGH_DIFFUSE_KIND, TINTED_METAL_KIND
+from ...pack.layout import (
+    CONDUCTORS,
+    MEASURED_METAL_KIND,
+    PRINCIPLED,
+    PRINCIPLED_KIND,
+    ROUGH_DIFFUSE,
+    ROUGH_DIFFUSE_KIND,
+    TINTED_METAL_KIND,
+)
 from .conductor import eval_metal, metal_at, sample_metal
+from .principled import eval_principled, principled_at, sample_principled
 from .rough_diffuse import eval_rough_diffuse, rough_diffuse_at, sample_rough_diffuse
 from .values import BsdfSample, BsdfValue, no_sample, no_value
 
@@ -49,10 +58,20 @@ def from_rough_diffuse(scene, s, kind, q):
     return no_response(scene, s, kind, q)
 
 
-@kernel(needs=CONDUCTORS, otherwise=from_rough_diffuse)
+@kernel(needs=PRINCIPLED, otherwise=from_rough_diffuse)
+def from_principled(scene, s, kind, q):
+    """The material of glTF, or else."""
+    if kind == PRINCIPLED_KIND:
+        m = principled_at(scene, s, q.wo)
+        value = eval_principled(scene, m, q.wo, q.wi)
+        return Response(value, sample_principled(scene, m, q.wo, q.u, q.v, q.choice))
+    return from_rough_diffuse(scene, s, kind, q)
+
+
+@kernel(needs=CONDUCTORS, otherwise=from_principled)
 def response(scene, s, kind, q):
     """A metal, or else."""
     if (kind == MEASURED_METAL_KIND) | (kind == TINTED_METAL_KIND):
         m = metal_at(scene, s, kind, q.wo)
         return Response(eval_metal(m, q.wo, q.wi), sample_metal(m, q.wo, q.u, q.v))
-    return from_rough_diffuse(scene, s, kind, q)
+    return from_principled(scene, s, kind, q)
