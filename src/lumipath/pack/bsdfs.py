@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene import Texture
-from ..scene.bsdfs import Appearance, Conductor, Diffuse
+from ..scene.bsdfs import Appearance, Conductor, Dielectric, Diffuse, ThinDielectric
 from . import layout
 from .energy import EnergyTables
 
@@ -44,6 +44,11 @@ class BsdfRow:
         """A number slot: a constant, or the first channel of a texture."""
         self._row[at] = 1.0 if isinstance(value, Texture) else value
         self._bits[at + 3] = self._texture_number(value) if isinstance(value, Texture) else -1
+
+    def refraction(self, index: float, *, tables: bool) -> None:
+        """The index of refraction, and the tables of rough glass of that index."""
+        self._row[layout.BSDF_REFRACTION] = index
+        self._bits[layout.BSDF_REFRACTION + 1] = self._energy.number(index) if tables else 0
 
     def anisotropy(self, strength: float, rotation: float) -> int:
         """The anisotropy slot; rotation in degrees. Returns its feature bit, or 0 without any."""
@@ -80,7 +85,28 @@ def _write_conductor(row: BsdfRow, material: Conductor) -> int:
     return layout.CONDUCTORS | row.anisotropy(material.anisotropy, material.rotation)
 
 
+def _write_dielectric(row: BsdfRow, material: Dielectric) -> int:
+    if material.is_plain:
+        return 0
+    row.kind(layout.ROUGH_DIELECTRIC_KIND)
+    row.colour(layout.BSDF_COLOUR, material.transmission_tint)
+    row.colour(layout.BSDF_EDGE, material.reflection_tint)
+    row.number(layout.BSDF_ROUGHNESS, material.roughness)
+    row.refraction(material.ior, tables=material.roughness != 0)
+    return layout.ROUGH_DIELECTRICS | row.anisotropy(material.anisotropy, material.rotation)
+
+
+def _write_thin_dielectric(row: BsdfRow, material: ThinDielectric) -> int:
+    row.kind(layout.THIN_DIELECTRIC_KIND)
+    row.colour(layout.BSDF_COLOUR, material.tint)
+    row.number(layout.BSDF_ROUGHNESS, material.roughness)
+    row.refraction(material.ior, tables=False)
+    return layout.THIN_DIELECTRICS
+
+
 _WRITERS: dict[type, Callable[[BsdfRow, Any], int]] = {
     Conductor: _write_conductor,
+    Dielectric: _write_dielectric,
     Diffuse: _write_diffuse,
+    ThinDielectric: _write_thin_dielectric,
 }

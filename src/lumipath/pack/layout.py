@@ -53,7 +53,7 @@ THIN_DIELECTRICS = 1 << 51
 PRINCIPLED = 1 << 52
 ANISOTROPY = 1 << 56
 
-MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | PRINCIPLED
+MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 """Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
@@ -84,10 +84,11 @@ REFRACTION = i32(24)  # index of refraction, mean transmissive weight, unused, u
 # ---- BSDFs: 80 floats. Their head is the kind as bits, three unused; then slots of 4. A colour is a factor rgb and the
 #      number of a texture as bits, -1 for none; a number is a factor, two unused, and its texture
 BSDF_SIZE = i32(80)
-BSDF_COLOUR = i32(4)  # albedo, base colour, or reflectance of a metal
-BSDF_EDGE = i32(8)  # metal: k, or its reflectance at 82 degrees relative to Schlick's
+BSDF_COLOUR = i32(4)  # albedo, base colour, reflectance or eta of a metal, or tint of what glass transmits
+BSDF_EDGE = i32(8)  # metal: k, or its reflectance at 82 degrees relative to Schlick's; glass: tint of reflection
 BSDF_ROUGHNESS = i32(12)
 BSDF_ANISOTROPY = i32(16)  # strength, rotation (turns), unused, unused
+BSDF_REFRACTION = i32(20)  # index of refraction; as bits its table of energy from outside, the next is from inside
 
 # Kinds. LOBES: the record in `materials` is all there is.
 LOBES_KIND = i32(0)
