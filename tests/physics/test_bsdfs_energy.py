@@ -9,12 +9,17 @@ from parts import sky
 from renders import renders
 
 from lumipath.kernels.bsdf.conductor import Metal, sample_metal
-from lumipath.kernels.energy import energy_compensation, schlick_albedo
+from lumipath.kernels.bsdf.rough_dielectric import RoughDielectric, facet_reflectance, sample_rough_dielectric
+from lumipath.kernels.bsdf.thin_dielectric import ThinDielectric, sample_thin_dielectric
+from lumipath.kernels.energy import dielectric_compensation, energy_compensation, schlick_albedo
 from lumipath.kernels.functions import cos_sin_turn
-from lumipath.kernels.microfacet import anisotropic_alphas
+from lumipath.kernels.microfacet import anisotropic_alphas, ggx_visible_normal
+from lumipath.kernels.vectors import dot
 from lumipath.lang import Vec3, sqrt
+from lumipath.pack.layout import ENERGY_WHITE
 from lumipath.scene import Camera, Scene, Sphere
-from lumipath.scene.bsdfs import Conductor
+from lumipath.scene.bsdfs import Conductor, Dielectric
+from lumipath.scene.bsdfs import ThinDielectric as Pane
 
 COSINES = (0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
 ROUGHNESSES = (0.04, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
@@ -85,6 +90,60 @@ def test_the_albedo_of_schlick_facets_is_what_they_reflect(metals, furnace):
     isotropic = packed_with(Conductor(reflectance=1.0, roughness=0.5))
     found = told(isotropic, roughness.ravel(), cosine.ravel()).reshape(roughness.shape)
     np.testing.assert_allclose(found, furnace(0.5, compensated=False), atol=0.002)
+
+
+def glass_weight(scene, table, eta, compensated, roughness, mu, u, v):
+    alpha = max(roughness * roughness, 1e-4)
+    boost = dielectric_compensation(scene, table, mu, alpha, alpha)
+    m = RoughDielectric(eta, alpha, alpha, Vec3(1, 1, 1), Vec3(1, 1, 1), boost if compensated else 1.0)
+    wo = Vec3(sqrt(max(1.0 - mu * mu, 0.0)), 0.0, mu)
+    # The mean over the choice, by both of its ends.
+    h = ggx_visible_normal(wo, alpha, alpha, u, v)
+    reflectance = facet_reflectance(scene, m, dot(wo, h))
+    reflected = sample_rough_dielectric(scene, m, wo, u, v, 0.0).weight.x
+    return reflected * reflectance + sample_rough_dielectric(scene, m, wo, u, v, 0.9999999).weight.x * (
+        1.0 - reflectance
+    )
+
+
+@pytest.fixture(scope="module")
+def glass_furnace():
+    indices = (1.5, 1.2, 2.4)
+    scene = packed_with(*(Dielectric(ior=index, roughness=0.5) for index in indices))
+    kernel = looped(glass_weight, scene=True)
+
+    def run(index, inside, compensated=True):
+        table, eta = np.int32(2 + 2 * indices.index(index) + inside), 1 / index if inside else index
+        return over_roughness_and_angle(lambda *rest: kernel(scene, table, eta, compensated, *rest))
+
+    return run
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("index", [1.5, 1.2, 2.4])
+def test_clear_rough_glass_loses_nothing(glass_furnace, index, inside):
+    assert np.abs(glass_furnace(index, inside) - 1).max() < 0.006
+
+
+def test_single_facets_of_glass_lose_light_where_rough(glass_furnace):
+    outside, inside = (glass_furnace(1.5, side, compensated=False) for side in (False, True))
+    assert max(outside.max(), inside.max()) < 1.0005
+    assert outside.min() < 0.8
+    assert inside.min() < 0.5
+
+
+def sheet_weight(scene, roughness, mu, u, v):
+    alpha = max(roughness * roughness, 1e-4)
+    m = ThinDielectric(1.5, alpha, Vec3(1, 1, 1), dielectric_compensation(scene, ENERGY_WHITE, mu, alpha, alpha))
+    wo = Vec3(sqrt(max(1.0 - mu * mu, 0.0)), 0.0, mu)
+    # Both ways weigh the same.
+    return sample_thin_dielectric(m, wo, u, v, 0.5).weight.x
+
+
+def test_a_rough_pane_loses_nothing():
+    scene = packed_with(Pane(roughness=0.5))
+    kernel = looped(sheet_weight, scene=True)
+    assert np.abs(over_roughness_and_angle(lambda *rest: kernel(scene, *rest)) - 1).max() < 0.0025
 
 
 def test_a_white_metal_is_not_to_be_seen_in_a_furnace(device):

@@ -12,7 +12,8 @@ from .bsdf.dielectric import sample_dielectric
 from .bsdf.mirror import mirror_direction
 from .camera import axial_distance, camera_ray, central_numbers
 from .lobes import Bounce, lobe_probabilities
-from .materials import emission_at, is_dielectric, lobes_at, medium_beyond, transmittance
+from .materials import emission_at, lobes_at
+from .media import is_dielectric, medium_beyond, transmittance
 from .rays import endless_ray, offset_point
 from .sampler import camera_numbers, choice_numbers, dielectric_number
 from .surface import surface_at

@@ -5,9 +5,12 @@ Directions are local: z is the shading normal. alpha_x and alpha_y are the rough
 
 from __future__ import annotations
 
-from ..lang import INV_PI, Vec3, inverse, kernel, sqrt
+from ..lang import INV_PI, Vec3, f32, inverse, kernel, sqrt
 from .functions import cos_sin_turn
 from .vectors import dot, normalize
+
+# Rougher than this by alpha, a lobe is sampled as one; below it is a mirror to any camera.
+SMOOTH_ALPHA = f32(1e-3)
 
 
 @kernel
@@ -64,6 +67,13 @@ def visible_weight(wo, wi, alpha_x, alpha_y):
 def reflected(w, h):
     """W mirrored at a microfacet with the normal h."""
     return h * (2.0 * dot(w, h)) - w
+
+
+@kernel
+def refracted(w, h, through, eta):
+    """W refracted at a microfacet with the normal h; `through` from `fresnel.refracted_cosine` (pbrt, 9.3.2)."""
+    scale = inverse(eta)
+    return h * (dot(w, h) * scale - through) - w * scale
 
 
 @kernel

@@ -11,7 +11,8 @@ from .camera import camera_ray
 from .environment import environment_from
 from .functions import power_heuristic
 from .lights import emitter_pdf
-from .materials import emission_at, is_dielectric, medium_beyond, transmittance
+from .materials import emission_at
+from .media import is_dielectric, medium_beyond, transmittance
 from .rays import Ray, endless_ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scatter import scatter

@@ -13,7 +13,7 @@ from .bsdf.values import slot
 from .functions import power_heuristic
 from .lights import no_light, sample_light
 from .lobes import scatter_at_lobes
-from .materials import medium_beyond, transmittance
+from .media import index_beyond, medium_beyond, transmittance
 from .rays import SHADOW_END, Ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scattered import DirectLight, Scattered
@@ -59,7 +59,8 @@ def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
     light = light_at(scene, view, path, s, pixel, sample, numbers)
     wi = to_local(frame, light.direction)
     choice = choice_numbers(scene, pixel, sample, view.seed, path.depth).b
-    answer = response(scene, s, kind, Question(to_local(frame, -path.ray.d), wi, numbers.c, numbers.d, choice))
+    question = Question(to_local(frame, -path.ray.d), wi, numbers.c, numbers.d, choice, index_beyond(scene, s))
+    answer = response(scene, s, kind, question)
     # What is above the shading normal's horizon and below the true surface, or the other way round, carries nothing.
     reaches = (light.pdf > 0.0) & (max_component(answer.value.f) > 0.0) & (wi.z * dot(s.n, light.direction) > 0.0)
     direct = unshadowed_light(scene, path, s, light, answer.value) if reaches else DirectLight(no_ray(), black())

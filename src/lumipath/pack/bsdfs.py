@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene import Texture
-from ..scene.bsdfs import Appearance, Conductor, Diffuse
+from ..scene.bsdfs import Appearance, Conductor, Dielectric, Diffuse, ThinDielectric
 from ..scene.material import is_positive
 from ..scene.principled import Principled
 from . import layout
@@ -55,17 +55,20 @@ class BsdfRow:
         else:
             self._bits[at + 3] = -1
 
-    def interface(self, index: float, thin: bool) -> None:
-        """The index of refraction inside, and whether there is no inside."""
-        # Facets between equal indices have no half vector.
-        self._row[layout.BSDF_INTERFACE] = max(index, 1.001)
-        self._row[layout.BSDF_INTERFACE + 1] = thin
-        self._row[layout.BSDF_INTERFACE + 2] = ((index - 1) / (index + 1)) ** 2
+    def walls(self, index: float, thin: bool) -> None:
+        """Whether there is no inside, and the reflectance face to face."""
+        self._row[layout.BSDF_REFRACTION + 2] = thin
+        self._row[layout.BSDF_REFRACTION + 3] = ((index - 1) / (index + 1)) ** 2
 
     def film(self, thickness: Any, index: float) -> None:
         """A thin film: its thickness, nm, and its index of refraction."""
         self.number(layout.BSDF_FILM, thickness)
         self._row[layout.BSDF_FILM + 1] = index
+
+    def refraction(self, index: float, *, tables: bool) -> None:
+        """The index of refraction, and the tables of rough glass of that index."""
+        self._row[layout.BSDF_REFRACTION] = index
+        self._bits[layout.BSDF_REFRACTION + 1] = self._energy.number(index) if tables else 0
 
     def anisotropy(self, strength: float, rotation: float) -> int:
         """The anisotropy slot; rotation in degrees. Returns its feature bit, or 0 without any."""
@@ -103,27 +106,47 @@ def _write_conductor(row: BsdfRow, material: Conductor) -> int:
     return layout.CONDUCTORS | row.anisotropy(material.anisotropy, material.rotation)
 
 
+def _write_dielectric(row: BsdfRow, material: Dielectric) -> int:
+    if material.is_plain:
+        return 0
+    row.kind(layout.ROUGH_DIELECTRIC_KIND)
+    row.colour(layout.BSDF_COLOUR, material.transmission_tint)
+    row.colour(layout.BSDF_EDGE, material.reflection_tint)
+    row.number(layout.BSDF_ROUGHNESS, material.roughness)
+    row.refraction(material.ior, tables=material.roughness != 0)
+    return layout.ROUGH_DIELECTRICS | row.anisotropy(material.anisotropy, material.rotation)
+
+
+def _write_thin_dielectric(row: BsdfRow, material: ThinDielectric) -> int:
+    row.kind(layout.THIN_DIELECTRIC_KIND)
+    row.colour(layout.BSDF_COLOUR, material.tint)
+    row.number(layout.BSDF_ROUGHNESS, material.roughness)
+    row.refraction(material.ior, tables=False)
+    return layout.THIN_DIELECTRICS
+
+
 def _write_principled(row: BsdfRow, material: Principled) -> int:
     row.kind(layout.PRINCIPLED_KIND)
-    row.colour(layout.BSDF_COLOUR, material.base_colour)
+    row.colour(layout.BSDF_COLOUR, material.base_color)
     row.number(layout.BSDF_METALLIC, material.metallic)
     row.number(layout.BSDF_ROUGHNESS, material.roughness)
-    row.interface(material.ior, material.thin)
+    row.refraction(material.ior, tables=material.is_dielectric)
+    row.walls(material.ior, material.thin)
     row.number(layout.BSDF_TRANSMISSION, material.transmission)
     row.number(layout.BSDF_SPECULAR, material.specular)
-    row.colour(layout.BSDF_SPECULAR_COLOUR, material.specular_colour)
+    row.colour(layout.BSDF_SPECULAR_COLOUR, material.specular_color)
     row.number(layout.BSDF_CLEARCOAT, material.clearcoat)
     row.number(layout.BSDF_CLEARCOAT_ROUGHNESS, material.clearcoat_roughness)
-    row.colour(layout.BSDF_SHEEN, material.sheen_colour)
+    row.colour(layout.BSDF_SHEEN, material.sheen_color)
     row.number(layout.BSDF_SHEEN_ROUGHNESS, material.sheen_roughness)
     row.number(layout.BSDF_IRIDESCENCE, material.iridescence)
     row.film(material.iridescence_thickness, material.iridescence_ior)
     features = layout.PRINCIPLED | row.anisotropy(material.anisotropy, material.anisotropy_rotation)
     features |= layout.TRANSMISSION if material.transmits else 0
     features |= layout.CLEARCOAT if _is_above_zero(material.clearcoat) else 0
-    features |= layout.SHEEN if is_positive(material.sheen_colour) else 0
+    features |= layout.SHEEN if is_positive(material.sheen_color) else 0
     features |= layout.IRIDESCENCE if _is_above_zero(material.iridescence) else 0
-    usual = material.specular == 1 and material.specular_colour == (1.0, 1.0, 1.0)
+    usual = material.specular == 1 and material.specular_color == (1.0, 1.0, 1.0)
     return features if usual else features | layout.SPECULAR
 
 
@@ -133,6 +156,8 @@ def _is_above_zero(value: float | Texture) -> bool:
 
 _WRITERS: dict[type, Callable[[BsdfRow, Any], int]] = {
     Conductor: _write_conductor,
+    Dielectric: _write_dielectric,
     Diffuse: _write_diffuse,
     Principled: _write_principled,
+    ThinDielectric: _write_thin_dielectric,
 }

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.energy import GREATEST_ROUGHNESS, LEAST_ALPHA, LEAST_SHEEN_ALPHA, table_cosine
-from ..kernels.fresnel import schlick_weight
-from ..kernels.microfacet import ggx_visible_normal, reflected, visible_weight
+from ..kernels.fresnel import exact_fresnel, refracted_cosine, schlick_weight
+from ..kernels.microfacet import ggx_visible_normal, reflected, refracted, visible_weight
 from ..kernels.vectors import dot
 from ..lang import Vec3, compiled, f32
 from . import layout
@@ -24,11 +24,21 @@ _FIBRE_POINTS = 48
 class EnergyTables:
     """Collects the tables that a scene needs."""
 
+    def __init__(self) -> None:
+        self._indices: list[float] = []
+
+    def number(self, index: float) -> int:
+        """Number of the table of facets of that index of refraction, seen from outside; the next is from inside."""
+        if index not in self._indices:
+            self._indices.append(index)
+        return len(_reflecting()) + 2 * self._indices.index(index)
+
     def rows(self, features: int) -> NDArray[np.float32]:
         """(E, 1056) float32, in the order of their numbers; none for a scene without `layout.MICROFACETS`."""
         if not features & layout.MICROFACETS:
             return np.zeros((0, int(layout.ENERGY_TABLE)), np.float32)
-        return np.stack(_reflecting())
+        refracting = (_refracting(eta) for index in self._indices for eta in (index, 1 / index))
+        return np.stack([*_reflecting(), *refracting])
 
 
 @cache
@@ -74,6 +84,15 @@ def _sheen(cosines: NDArray[np.float32], alphas: NDArray[np.float32]) -> NDArray
     return table
 
 
+@cache
+def _refracting(eta: float) -> NDArray[np.float32]:
+    """The table of facets that reflect or refract into a medium of the relative index `eta`."""
+    cosines, alphas = _axes()
+    found = np.zeros((SIDE, SIDE))
+    _integrate_refraction(f32(eta), cosines, alphas, found)
+    return _with_means(cosines, found)
+
+
 def _axes() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """(32, 32) cosines and (32,) alphas of the cells."""
     alphas = np.maximum(np.linspace(0, GREATEST_ROUGHNESS, SIDE) ** 2, LEAST_ALPHA).astype(np.float32)
@@ -105,13 +124,40 @@ def _integrate_reflection(cosines, alphas, found):  # type: ignore[no-untyped-de
             mu, alpha = cosines[row, column], alphas[row]
             wo = Vec3(np.sqrt(max(f32(0), f32(1) - mu * mu)), f32(0), mu)  # type: ignore[call-arg]
             for i in range(_POINTS):
-                # Dense towards u = 1, where facets lie steep and lose light.
-                rest = 1 - (i + 0.5) / _POINTS
-                share = ((1 - i / _POINTS) ** 3 - (1 - (i + 1) / _POINTS) ** 3) / _TURNS
+                rest, share = _strip(i)
                 for j in range(_TURNS):
-                    h = ggx_visible_normal(wo, alpha, alpha, f32(1 - rest**3), f32((j + 0.5) / (2 * _TURNS)))
+                    h = ggx_visible_normal(wo, alpha, alpha, f32(1 - rest), f32((j + 0.5) / (2 * _TURNS)))
                     wi = reflected(wo, h)
                     if wi.z > 0:
                         weight = visible_weight(wo, wi, alpha, alpha) * share
                         found[0, row, column] += weight
                         found[1, row, column] += weight * (schlick_weight(dot(wo, h)) - schlick_weight(mu))
+
+
+@compiled
+def _integrate_refraction(eta, cosines, alphas, found):  # type: ignore[no-untyped-def]
+    for row in range(SIDE):
+        for column in range(SIDE):
+            mu, alpha = cosines[row, column], alphas[row]
+            wo = Vec3(np.sqrt(max(f32(0), f32(1) - mu * mu)), f32(0), mu)  # type: ignore[call-arg]
+            for i in range(_POINTS):
+                rest, share = _strip(i)
+                for j in range(_TURNS):
+                    h = ggx_visible_normal(wo, alpha, alpha, f32(1 - rest), f32((j + 0.5) / (2 * _TURNS)))
+                    cosine = dot(wo, h)
+                    through = refracted_cosine(cosine, eta)
+                    reflectance = exact_fresnel(None, cosine, through, eta) if through > 0 else f32(1)
+                    up = reflected(wo, h)
+                    if up.z > 0:
+                        found[row, column] += reflectance * visible_weight(wo, up, alpha, alpha) * share
+                    down = refracted(wo, h, through, eta)
+                    if down.z < 0:
+                        found[row, column] += (1 - reflectance) * visible_weight(wo, down, alpha, alpha) * share
+
+
+@compiled
+def _strip(i):  # type: ignore[no-untyped-def]
+    """Where strip i of the unit square lies, as 1 - u, and the weight of a point in it."""
+    # Strips are narrow towards u = 1, where facets lie steep and lose light.
+    rest = 1 - (i + 0.5) / _POINTS
+    return rest**3, ((1 - i / _POINTS) ** 3 - (1 - (i + 1) / _POINTS) ** 3) / _TURNS

@@ -59,7 +59,7 @@ IRIDESCENCE = 1 << 63
 TRANSMISSION = 1 << 64
 SPECULAR = 1 << 65  # dielectrics reflect otherwise than their index says
 
-MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | PRINCIPLED
+MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 """Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
@@ -90,13 +90,14 @@ REFRACTION = i32(24)  # index of refraction, mean transmissive weight, unused, u
 # ---- BSDFs: 80 floats. Their head is the kind as bits, three unused; then slots of 4. A colour is a factor rgb and the
 #      number of a texture as bits, -1 for none; a number is a factor, two unused, and its texture
 BSDF_SIZE = i32(80)
-BSDF_COLOUR = i32(4)  # albedo, base colour, or reflectance of a metal
-BSDF_EDGE = i32(8)  # metal: k, or its reflectance at 82 degrees relative to Schlick's
+BSDF_COLOUR = i32(4)  # albedo, base colour, reflectance or eta of a metal, or tint of what glass transmits
+BSDF_EDGE = i32(8)  # metal: k, or its reflectance at 82 degrees relative to Schlick's; glass: tint of reflection
 BSDF_ROUGHNESS = i32(12)
 BSDF_ANISOTROPY = i32(16)  # strength, rotation (turns), unused, unused
-# Of the principled material.
-BSDF_METALLIC = i32(20)
-BSDF_INTERFACE = i32(24)  # index of refraction, 1 for thin walls or 0, reflectance face to face, unused
+BSDF_REFRACTION = i32(20)  # index of refraction; as bits its table of energy from outside, the next is from inside;
+#      of the principled material also 1 for thin walls or 0, and the reflectance face to face
+# Of the principled material only.
+BSDF_METALLIC = i32(24)
 BSDF_TRANSMISSION = i32(28)
 BSDF_SPECULAR = i32(32)
 BSDF_SPECULAR_COLOUR = i32(36)

@@ -52,8 +52,11 @@ class MaterialTable:
     def rows(self) -> NDArray[np.float32]:
         """(M, 28) float32: the records of all materials."""
         table = np.zeros((len(self.materials), int(layout.MATERIAL_SIZE)), np.float32)
-        for row, material in zip(table, self.lobes()):
+        for row, material, appearance in zip(table, self.lobes(), self.materials):
             self._write_row(row, material)
+            if isinstance(appearance, Appearance) and appearance.extinction is not None:
+                row[layout.EXTINCTION : layout.EXTINCTION + 3] = appearance.extinction
+                row[layout.REFRACTION + 1] = 1.0
         return table
 
     def lobes(self) -> list[Material]:

@@ -1,6 +1,6 @@
 """What a scene is, in world units, validated; knows nothing of files or rendering."""
 
-from .bsdfs import Appearance, Conductor, Diffuse
+from .bsdfs import Appearance, Conductor, Dielectric, Diffuse, ThinDielectric
 from .camera import Camera
 from .digest import scene_digest
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
@@ -17,6 +17,7 @@ __all__ = [
     "Conductor",
     "Cone",
     "Cylinder",
+    "Dielectric",
     "Diffuse",
     "DirectionalLight",
     "Environment",
@@ -30,6 +31,7 @@ __all__ = [
     "Sphere",
     "Square",
     "Texture",
+    "ThinDielectric",
     "scene_digest",
     "smooth_normals",
     "transform_mesh",

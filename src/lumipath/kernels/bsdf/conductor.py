@@ -6,13 +6,18 @@ from ...lang import Vec3, f32, kernel, struct
 from ...pack.layout import BSDF_ANISOTROPY, BSDF_COLOUR, BSDF_EDGE, BSDF_ROUGHNESS, MEASURED_METAL_KIND
 from ..energy import energy_compensation
 from ..fresnel import conductor_reflectance, tinted_reflectance
-from ..microfacet import anisotropic_alphas, ggx_density, ggx_lambda, ggx_visible_normal, reflected, visible_weight
+from ..microfacet import (
+    SMOOTH_ALPHA,
+    anisotropic_alphas,
+    ggx_density,
+    ggx_lambda,
+    ggx_visible_normal,
+    reflected,
+    visible_weight,
+)
 from ..vectors import dot, normalize, white
 from .mirror import mirror_direction
 from .values import BsdfSample, BsdfValue, colour_slot, no_sample, no_value, number_slot, slot
-
-# Rougher than this by alpha, a lobe is sampled as one; below it is a mirror to any camera.
-SMOOTH_ALPHA = f32(1e-3)
 
 
 @struct

@@ -5,12 +5,17 @@ glTF 2.0: KHR_materials_transmission, KHR_materials_volume, KHR_materials_ior. R
 
 from __future__ import annotations
 
-from ...lang import Vec3, f32, inverse, kernel, struct
-from ...pack.layout import BSDF_INTERFACE, BSDF_TRANSMISSION, TRANSMISSION
+from ...lang import Vec3, as_int, f32, i32, kernel, struct
+from ...pack.layout import BSDF_REFRACTION, BSDF_TRANSMISSION, TRANSMISSION
+from ..energy import dielectric_compensation
 from ..fresnel import dielectric_reflectance, refracted_cosine, schlick_weight
-from ..microfacet import ggx_visible_density, visible_weight
+from ..microfacet import SMOOTH_ALPHA, ggx_visible_density, reflected, refracted, visible_weight
 from ..vectors import between, black, dot, luminance, max_component, normalize, white
+from .rough_dielectric import refraction_jacobian
 from .values import BsdfValue, no_value, number_slot, slot
+
+# Facets between equal indices have no half vector.
+LEAST_DIFFERENCE = f32(1e-3)
 
 
 @struct
@@ -38,31 +43,54 @@ class Facet:
 
 
 @kernel
-def opaque_share(scene, s):
+def opaque_surface(scene, s, eta):
     """A scene of opaque surfaces."""
-    return f32(0.0)
+    return Interface(0.0, black(), black(), 0.0, slot(scene, s.material, BSDF_REFRACTION)[3], 1.0, False)
 
 
-@kernel(needs=TRANSMISSION, otherwise=opaque_share)
-def transmitting_share(scene, s):
-    """How much of a surface light goes through where it is no metal."""
-    return number_slot(scene, s, BSDF_TRANSMISSION)
+@kernel(needs=TRANSMISSION, otherwise=opaque_surface)
+def interface_of(scene, s, eta):
+    """What is known of an interface by itself, were the surface no metal; `eta` as in `Question`."""
+    row = slot(scene, s.material, BSDF_REFRACTION)
+    share = number_slot(scene, s, BSDF_TRANSMISSION)
+    thin = row[2] > 0.0
+    bent = eta if abs(eta - 1.0) > LEAST_DIFFERENCE else 1.0 + LEAST_DIFFERENCE
+    bent = row[0] if thin else bent
+    usual = (bent - 1.0) / (bent + 1.0)
+    usual = usual * usual
+    # An opaque surface has no other side that the path knows the index of.
+    return Interface(share, black(), black(), 0.0, usual if share > 0.0 else row[3], bent, thin)
 
 
 @kernel
-def no_interface(scene, s, share, tint, f0, f90):
+def no_interface(scene, s, mu, alpha_x, alpha_y, albedo, given, f0, f90, tint, share):
     """A scene of opaque surfaces."""
-    return Interface(0.0, black(), black(), 0.0, 0.0, 1.0, False)
+    return given
 
 
 @kernel(needs=TRANSMISSION, otherwise=no_interface)
-def interface_at(scene, s, share, tint, f0, f90):
-    """The interface at a point of a surface; arguments as the fields of `Interface`."""
-    row = slot(scene, s.material, BSDF_INTERFACE)
-    index = row[0]
-    thin = row[1] > 0.0
-    usual = (index - 1.0) / (index + 1.0)
-    return Interface(share, tint, f0, f90, usual * usual, index if s.front | thin else inverse(index), thin)
+def interface_at(scene, s, mu, alpha_x, alpha_y, albedo, given, f0, f90, tint, share):
+    """The interface at a point of a surface.
+
+    Args:
+        scene: PackedScene.
+        s: the surface.
+        mu: cosine of the viewer.
+        alpha_x: of GGX.
+        alpha_y: of GGX.
+        albedo: of white facets at that cosine.
+        given: of `interface_of`.
+        f0: reflectance of facets face to face, Vec3.
+        f90: at the edge, a number.
+        tint: of what goes through.
+        share: how much of the surface light goes through.
+    """
+    table = as_int(slot(scene, s.material, BSDF_REFRACTION)[1])
+    boost = 1.0 / albedo
+    if not given.thin:
+        boost = dielectric_compensation(scene, table if s.front else i32(table + 1), mu, alpha_x, alpha_y)
+    boost = boost if max(alpha_x, alpha_y) >= SMOOTH_ALPHA else f32(1.0)
+    return Interface(share * boost, tint, f0, f90, given.usual, given.eta, given.thin)
 
 
 @kernel
@@ -120,13 +148,10 @@ def reflecting_chance(scene, facet):
 
 
 @kernel
-def sent_through(interface, wo, h, refracted):
-    """The direction behind a facet; thin walls mirror a reflection to their other side."""
-    c = dot(wo, h)
-    scale = inverse(interface.eta)
-    bent = h * (c * scale - refracted) - wo * scale
-    back = h * (2.0 * c) - wo
-    return Vec3(back.x, back.y, -back.z) if interface.thin else bent
+def sent_through(interface, wo, h, through):
+    """The direction behind a facet, `through` from `refracted_cosine`; thin walls let a reflection pass through."""
+    back = reflected(wo, h)
+    return Vec3(back.x, back.y, -back.z) if interface.thin else refracted(wo, h, through, interface.eta)
 
 
 @kernel
@@ -142,9 +167,7 @@ def eval_through(scene, m, wo, wi):
     if (co <= 0.0) | ((ci >= 0.0) & (not interface.thin)):
         return no_value()
     facet = facet_at(scene, m, co)
-    # Density of directions over that of facets (pbrt, 4th edition, 9.37).
-    stretch = ci + co * inverse(interface.eta)
-    jacobian = inverse(4.0 * co) if interface.thin else abs(ci) / max(stretch * stretch, 1e-16)
+    jacobian = 0.25 / co if interface.thin else refraction_jacobian(interface, wo, wi, h)
     pdf = ggx_visible_density(wo, h, m.alpha_x, m.alpha_y) * jacobian
     f = facet.through * (visible_weight(wo, above, m.alpha_x, m.alpha_y) * pdf)
     return BsdfValue(f, pdf * (1.0 - reflecting_chance(scene, facet)))

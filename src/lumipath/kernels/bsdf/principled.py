@@ -13,7 +13,6 @@ from ...pack.layout import (
     BSDF_ANISOTROPY,
     BSDF_COLOUR,
     BSDF_FILM,
-    BSDF_INTERFACE,
     BSDF_IRIDESCENCE,
     BSDF_METALLIC,
     BSDF_ROUGHNESS,
@@ -37,9 +36,9 @@ from .interface import (
     facet_at,
     interface_albedo,
     interface_at,
+    interface_of,
     reflecting_chance,
     sent_through,
-    transmitting_share,
 )
 from .thin_film import film_reflectance, without_schlick
 from .values import BsdfSample, BsdfValue, colour_slot, no_value, number_slot, slot
@@ -135,8 +134,8 @@ def with_film(scene, s, mu, base, bare, metallic):
 
 
 @kernel
-def principled_at(scene, s, wo):
-    """The parameters at a point of a surface that is seen from wo."""
+def principled_at(scene, s, wo, eta):
+    """The parameters at a point of a surface that is seen from wo; `eta` as in `Question`."""
     base = colour_slot(scene, s, BSDF_COLOUR)
     metallic = number_slot(scene, s, BSDF_METALLIC)
     roughness = number_slot(scene, s, BSDF_ROUGHNESS)
@@ -144,15 +143,18 @@ def principled_at(scene, s, wo):
     seen = facet_albedo(scene, wo.z, alpha_x, alpha_y)
 
     # Facets of a dielectric and of a metal; those of a metal pass light on to each other.
-    bare = dielectric_ends(scene, s, slot(scene, s.material, BSDF_INTERFACE)[2])
+    given = interface_of(scene, s, eta)
+    bare = dielectric_ends(scene, s, given.usual)
     metal0, bare_f0 = with_film(scene, s, wo.z, base, bare.f0, metallic)
     average = metal0 + (white() - metal0) * f32(1.0 / 21.0)
     boost = compensation(seen.all, average) * metallic
-    through = transmitting_share(scene, s) * (1.0 - metallic)
+    through = given.share * (1.0 - metallic)
     opaque = (1.0 - through) - metallic
     f0 = bare_f0 * opaque + metal0 * boost
     f90 = bare.f90 * opaque + boost
-    interface = interface_at(scene, s, through, base, bare_f0, bare.f90.x)
+    interface = interface_at(
+        scene, s, wo.z, alpha_x, alpha_y, seen.all.directional, given, bare_f0, bare.f90.x, base, through
+    )
 
     # What facets leave of light for the matt base: exact for it as it scatters evenly (Kelemen and Szirmay-Kalos 2001).
     bare0 = max_component(bare_f0)
