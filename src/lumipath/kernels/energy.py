@@ -37,11 +37,23 @@ def table_cosine(x, alpha):
 
 @kernel
 def place_of(mu, alpha):
-    """Where the cosine mu and the roughness alpha lie in any table."""
+    """Where the cosine mu and the roughness alpha lie in a table of facets."""
     a = max(alpha, LEAST_ALPHA)
     # The inverse of `table_cosine`.
     x = min(mu * (1.0 + a) / (mu + a), 1.0) * f32(ENERGY_SIDE - 1)
     y = min(sqrt(a) * _ROWS_PER_ROUGHNESS, f32(ENERGY_SIDE - 1))
+    return place_at(x, y)
+
+
+@kernel
+def fibre_place(mu, alpha):
+    """The same for the table of sheen, which needs room where it grazes, whatever the roughness."""
+    return place_at(sqrt(min(mu, 1.0)) * f32(ENERGY_SIDE - 1), sqrt(min(alpha, 1.0)) * f32(ENERGY_SIDE - 1))
+
+
+@kernel
+def place_at(x, y):
+    """The place at a column and a row, which need not be whole."""
     column = min(i32(x), i32(ENERGY_SIDE - 2))
     row = min(i32(y), i32(ENERGY_SIDE - 2))
     return Place(i32(row * ENERGY_SIDE + column), row, x - f32(column), y - f32(row))

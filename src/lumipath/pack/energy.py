@@ -49,7 +49,7 @@ def _reflecting() -> list[NDArray[np.float32]]:
     _integrate_reflection(cosines, alphas, found)
     everything, edge = (_with_means(cosines, table) for table in found)
     edge[SIDE * SIDE :] = _edge_means(found, alphas)
-    return [everything, edge, _with_means(cosines, _sheen(cosines, alphas))]
+    return [everything, edge, _sheen()]
 
 
 def _edge_means(found: NDArray[np.float64], alphas: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -65,23 +65,26 @@ def _edge_means(found: NDArray[np.float64], alphas: NDArray[np.float32]) -> NDAr
     return weighted
 
 
-def _sheen(cosines: NDArray[np.float32], alphas: NDArray[np.float32]) -> NDArray[np.float64]:
-    """(32, 32): what white fibres reflect (`kernels.bsdf.coats.fibres`), which for flat ones is more than arrives."""
+def _sheen() -> NDArray[np.float32]:
+    """(1056,): what white fibres reflect (`kernels.bsdf.coats.fibres`), which for flat ones is more than arrives."""
+    places = np.arange(SIDE) / (SIDE - 1)
+    cosines = np.maximum(places, 2e-3) ** 2
+    alphas = np.maximum(places**2, LEAST_SHEEN_ALPHA)
     # Directions of light: dense where they graze.
     side = np.arange(_FIBRE_POINTS) + 0.5
     cosine = ((side / _FIBRE_POINTS) ** 2)[:, None]
     area = (2 * side / _FIBRE_POINTS**2)[:, None] * (2 * np.pi / _FIBRE_POINTS)
     turn = np.pi * side / _FIBRE_POINTS
     table = np.zeros((SIDE, SIDE))
-    for row, alpha in enumerate(np.maximum(alphas.astype(float), float(LEAST_SHEEN_ALPHA))):
-        for column, mu in enumerate(cosines[row].astype(float)):
+    for row, alpha in enumerate(alphas):
+        for column, mu in enumerate(cosines):
             # Squared sine of the half vector, from the scalar product of both directions.
             product = np.sqrt((1 - cosine**2) * (1 - mu**2)) * np.cos(turn) + cosine * mu
             flat = np.clip(1 - (cosine + mu) ** 2 / (2 + 2 * product), 0, 1)
             density = (2 + 1 / alpha) / (2 * np.pi) * flat ** (0.5 / alpha)
             visible = 1 / (4 * (cosine + mu - cosine * mu))
             table[row, column] = (density * visible * cosine * area).sum()
-    return table
+    return _with_means(np.tile(cosines.astype(np.float32), (SIDE, 1)), table)
 
 
 @cache

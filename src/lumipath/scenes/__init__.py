@@ -32,9 +32,25 @@ _SCENES = {
     "caustics": ("caustics", "caustics", "light gathered by a glass ball, a metal ring and a red glass cone"),
     "many-lobes": ("lobes", "many_lobes", "materials that add up matt, mirror, glass and emission"),
     "bokeh": ("bokeh", "bokeh", "small lamps out of focus, through a lens of six blades"),
+    "materials": ("studio", "materials", "the principled material: gold, plastic, lacquer, cloth, films and glass"),
     "bench-cornell": ("bench", "bench_cornell", "benchmark: a Cornell box of 36 triangles"),
     "bench-blob100k": ("bench", "bench_blob100k", "benchmark: a bumpy sphere in a box, 99,236 triangles"),
     "bench-blob1m": ("bench", "bench_blob1m", "benchmark: a bumpy sphere in a box, 998,012 triangles"),
+    "bench-materials-cornell": (
+        "bench_materials",
+        "bench_materials_cornell",
+        "benchmark: bench-cornell of all materials",
+    ),
+    "bench-materials-blob100k": (
+        "bench_materials",
+        "bench_materials_blob100k",
+        "benchmark: bench-blob100k of all materials",
+    ),
+    "bench-materials-blob1m": (
+        "bench_materials",
+        "bench_materials_blob1m",
+        "benchmark: bench-blob1m of all materials",
+    ),
 }
 
 DEFAULT = "cornell-box"

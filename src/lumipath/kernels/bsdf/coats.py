@@ -23,8 +23,8 @@ from ..energy import (
     directional,
     directional_albedo,
     facet_albedo,
+    fibre_place,
     hemispherical,
-    place_of,
 )
 from ..fresnel import schlick_weight
 from ..functions import unit_power
@@ -129,7 +129,7 @@ def sheen_at(scene, s, wo):
     colour = colour_slot(scene, s, BSDF_SHEEN)
     roughness = number_slot(scene, s, BSDF_SHEEN_ROUGHNESS)
     alpha = max(roughness * roughness, LEAST_SHEEN_ALPHA)
-    facing = directional_albedo(scene, ENERGY_SHEEN, place_of(wo.z, alpha))
+    facing = directional_albedo(scene, ENERGY_SHEEN, fibre_place(wo.z, alpha))
     return Sheen(colour, max_component(colour), inverse(alpha), alpha, facing)
 
 
@@ -142,7 +142,7 @@ def no_sheen_albedo(scene, sheen, mu):
 @kernel(needs=SHEEN, otherwise=no_sheen_albedo)
 def sheen_albedo(scene, sheen, mu):
     """What white fibres reflect of light at the cosine mu; above 1 where `eval_sheen` scales them down."""
-    return directional_albedo(scene, ENERGY_SHEEN, place_of(mu, sheen.alpha))
+    return directional_albedo(scene, ENERGY_SHEEN, fibre_place(mu, sheen.alpha))
 
 
 @kernel
