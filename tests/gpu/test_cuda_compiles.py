@@ -167,11 +167,14 @@ def test_kernels_for_another_stack_are_other_kernels():
     assert deep - shallow == 4 * 3 * STACK
 
 
-@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh"])
+@pytest.mark.parametrize(
+    "scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "glass-of-water"]
+)
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
     from lumipath.devices.cuda.megakernel import make_vote
 
-    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True), WORK_TYPE), (9, 0))
+    settings = {"clamp_indirect": 1.0, "regularize": True} if scene == "glass-of-water" else {}
+    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True, **settings), WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)
