@@ -18,7 +18,17 @@ from typing import Any
 import mitsuba
 import numpy as np
 
-from lumipath.scene import Camera, DirectionalLight, Material, Mesh, PointLight, Scene, Sphere, Texture
+from lumipath.scene import (
+    Camera,
+    Conductor,
+    DirectionalLight,
+    Mesh,
+    PointLight,
+    Scene,
+    Sphere,
+    Texture,
+    ThinDielectric,
+)
 
 mitsuba.set_variant("scalar_rgb")
 
@@ -32,8 +42,13 @@ def _colour(value: Any) -> Dictionary:
     return {"type": "rgb", "value": [float(part) for part in value]}
 
 
-def bsdf(material: Material) -> Dictionary:
-    """A material of one lobe."""
+def bsdf(material: Any) -> Dictionary:
+    """A material of one lobe, a mirror of metal, or a clear pane."""
+    if isinstance(material, ThinDielectric):
+        return {"type": "thindielectric", "int_ior": material.ior, "specular_transmittance": _colour(material.tint)}
+    if isinstance(material, Conductor):
+        eta, k = (_colour(part) for part in material.index)
+        return {"type": "twosided", "bsdf": {"type": "conductor", "eta": eta, "k": k}}
     if material.is_dielectric:
         return {"type": "dielectric", "int_ior": material.index, "ext_ior": 1.0}
     if material.specular is not None:

@@ -6,6 +6,7 @@ import numpy as np
 from bsdf_calls import looped, packed_with
 
 from lumipath.kernels.bsdf.principled import eval_principled, principled_at, sample_principled
+from lumipath.kernels.bsdf.responses import Question
 from lumipath.kernels.media import index_beyond
 from lumipath.kernels.surface import Surface
 from lumipath.lang import Vec3, i32, kernel
@@ -64,10 +65,16 @@ def surface(material, front):
     return Surface(Vec3(0, 0, 0), up, up, front, material, i32(-1), 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
+@kernel
+def question(scene, s, wo, wi):
+    """What a BSDF is asked that borders on nothing else."""
+    return Question(wo, wi, 0.0, 0.0, 0.0, index_beyond(scene, s, i32(-1)), False)
+
+
 def _value(scene, material, front, ox, oy, oz, ix, iy, iz):
     wo = Vec3(ox, oy, oz)
     s = surface(i32(material), front)
-    m = principled_at(scene, s, wo, index_beyond(scene, s))
+    m = principled_at(scene, s, question(scene, s, wo, wo))
     found = eval_principled(scene, m, wo, Vec3(ix, iy, iz))
     return found.f.x, found.f.y, found.f.z, found.pdf
 
@@ -75,7 +82,7 @@ def _value(scene, material, front, ox, oy, oz, ix, iy, iz):
 def _sample(scene, material, front, ox, oy, oz, u, v, choice):
     wo = Vec3(ox, oy, oz)
     s = surface(i32(material), front)
-    m = principled_at(scene, s, wo, index_beyond(scene, s))
+    m = principled_at(scene, s, question(scene, s, wo, wo))
     found = sample_principled(scene, m, wo, u, v, choice)
     return found.wi.x, found.wi.y, found.wi.z, found.weight.x, found.weight.y, found.weight.z, found.pdf
 

@@ -12,7 +12,7 @@ import pytest
 from bsdf_calls import EVALS, SAMPLES, at_angle, looped, numbers, packed_with
 
 from lumipath.kernels.fresnel import conductor_reflectance
-from lumipath.scene import Material
+from lumipath.scene import Conductor, Material
 from lumipath.scene.metals import METALS
 
 mitsuba = pytest.importorskip("mitsuba")
@@ -107,6 +107,16 @@ def test_smooth_glass(scene, kind, index):
         x, y, z, _, _ = ours(scene, index, 0.0, 0.0, *wo[:, None], 0.5, 0.5, choice)
         assert (z > 0).mean() == pytest.approx(reflection.pdf, abs=1e-4)
         np.testing.assert_allclose([x[-1], y[-1], z[-1]], list(through.wo), atol=1e-5)
+
+
+@pytest.mark.parametrize(("metal", "preset"), [("aluminium", "Al"), ("copper", "Cu"), ("gold", "Au"), ("silver", "Ag")])
+def test_named_metals_have_nearly_the_colours_of_the_presets(metal, preset):
+    # Mitsuba's come from whole spectra, ours from three wavelengths.
+    si = mitsuba.SurfaceInteraction3f()
+    si.wi = mitsuba.Vector3f(0, 0, 1)
+    made = mitsuba.load_dict({"type": "conductor", "material": preset})
+    _, weight = made.sample(mitsuba.BSDFContext(), si, 0.5, mitsuba.Point2f(0.5, 0.5))
+    np.testing.assert_allclose(Conductor(metal=metal).face_on(), list(weight), atol=0.11)
 
 
 @pytest.mark.parametrize("metal", METALS)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bsdf_calls import at_angle, looped, numbers, packed_with
-from principled_calls import MATERIALS, NAMES, PrincipledScene, surface
+from parts import moved, sky
+from principled_calls import MATERIALS, NAMES, PrincipledScene, question, surface
+from renders import renders
 from scipy import stats
 
 from lumipath.kernels.bsdf.conductor import eval_metal, metal_at
-from lumipath.kernels.bsdf.responses import Question
 from lumipath.kernels.bsdf.rough_dielectric import eval_rough_dielectric, rough_dielectric_at
-from lumipath.kernels.media import index_beyond
 from lumipath.lang import Vec3, i32
 from lumipath.pack.layout import TINTED_METAL_KIND
-from lumipath.scene import Conductor, Dielectric
+from lumipath.scene import Camera, Conductor, Dielectric, Principled, Scene, Sphere
 
 COSINES = (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)
 SMOOTH = ["smooth plastic", "clear glass", "window", "varnished metal"]
@@ -141,7 +141,9 @@ def test_a_surface_that_reflects_nothing_specular_is_lambertian(scene):
 
 def _conductor_value(scene, ox, oy, oz, ix, iy, iz):
     wo = Vec3(ox, oy, oz)
-    found = eval_metal(metal_at(scene, surface(i32(0), True), TINTED_METAL_KIND, wo), wo, Vec3(ix, iy, iz))
+    wi = Vec3(ix, iy, iz)
+    s = surface(i32(0), True)
+    found = eval_metal(metal_at(scene, s, TINTED_METAL_KIND, question(scene, s, wo, wi)), wo, wi)
     return found.f.x, found.f.y, found.f.z, found.pdf
 
 
@@ -149,8 +151,8 @@ def _dielectric_value(scene, front, ox, oy, oz, ix, iy, iz):
     wo = Vec3(ox, oy, oz)
     wi = Vec3(ix, iy, iz)
     s = surface(i32(0), front)
-    q = Question(wo, wi, 0.0, 0.0, 0.0, index_beyond(scene, s))
-    found = eval_rough_dielectric(scene, rough_dielectric_at(scene, s, q), wo, wi)
+    m = rough_dielectric_at(scene, s, question(scene, s, wo, wi))
+    found = eval_rough_dielectric(scene, m, wo, wi)
     return found.f.x, found.pdf
 
 
@@ -166,3 +168,22 @@ def test_smooth_lobes_are_no_chance_hits(scene, name):
     np.testing.assert_allclose(np.abs(wi[1][exact]), 0, atol=2e-6)
     reflects = exact & (wi[2] > 0)
     np.testing.assert_allclose(wi[:, reflects].T - (-0.8, 0, 0.6), 0, atol=1e-5)
+
+
+def test_white_surfaces_are_not_to_be_seen_in_a_furnace(device):
+    balls = [
+        Principled(base_color=1.0, roughness=0.4, clearcoat=1.0, clearcoat_roughness=0.3),
+        Principled(base_color=1.0, roughness=0.3, transmission=1.0),
+        Principled(base_color=1.0, roughness=0.6, metallic=1.0),
+        Principled(base_color=1.0, roughness=0.5, transmission=1.0, thin=True),
+    ]
+    shapes = [
+        Sphere(transform=moved(2.2 * (k % 2) - 1.1, 2.2 * (k // 2) - 1.1, 0.0), material=ball)
+        for k, ball in enumerate(balls)
+    ]
+    camera = Camera.look_at((0, 0, 8), (0, 0, 0), fov=32)
+    scene = Scene(shapes=shapes, environment=sky(0.5), cameras=[camera])
+    images = renders(scene, device=device, width=24, height=24, spp=256, seeds=6, max_depth=32)
+    # Some thousandths are those of the tables, and of paths that are longer.
+    assert np.abs(images.mean(axis=(0, 1, 2)) / 0.5 - 1).max() < 0.003
+    assert np.abs(images.mean(axis=0) / 0.5 - 1).max() < 0.05

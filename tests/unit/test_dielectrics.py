@@ -1,8 +1,9 @@
-"""Glass: what its fields mean, and what packing makes of them."""
+"""Glass and metals by name: what their fields mean, and what packing makes of them."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ import pytest
 from lumipath.errors import SceneError
 from lumipath.pack import layout
 from lumipath.pack.scene import pack_scene
-from lumipath.scene import Dielectric, Material, Scene, Sphere, Texture, ThinDielectric
+from lumipath.scene import Conductor, Dielectric, Material, Scene, Sphere, Texture, ThinDielectric
+from lumipath.scene.metals import METALS
 
 
 def packed(material):
@@ -67,6 +69,13 @@ def test_a_pane_has_no_inside():
     scene = packed(ThinDielectric(ior=1.6, tint=(1, 0.9, 0.8)))
     assert scene.features.mask & layout.THIN_DIELECTRICS
     np.testing.assert_array_equal(scene.materials[0, layout.EXTINCTION : layout.EXTINCTION + 3], 0)
+
+
+def test_every_metal_is_documented():
+    page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text(encoding="utf-8")
+    assert [name for name in METALS if f"`{name}`" not in page] == []
+    for name in METALS:
+        assert 0.4 < np.mean(Conductor(metal=name).face_on()) < 1
 
 
 @pytest.mark.parametrize(

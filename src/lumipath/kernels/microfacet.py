@@ -6,6 +6,7 @@ Directions are local: z is the shading normal. alpha_x and alpha_y are the rough
 from __future__ import annotations
 
 from ..lang import INV_PI, Vec3, f32, inverse, kernel, sqrt
+from ..pack.layout import REGULARIZE
 from .functions import cos_sin_turn
 from .vectors import dot, normalize
 
@@ -82,3 +83,21 @@ def anisotropic_alphas(roughness, anisotropy):
     alpha = roughness * roughness
     aspect = sqrt(1.0 - 0.9 * anisotropy)
     return max(alpha / aspect, 1e-4), max(alpha * aspect, 1e-4)
+
+
+@kernel
+def as_they_are(scene, alpha_x, alpha_y, blurred):
+    """The roughness of the surface."""
+    return alpha_x, alpha_y
+
+
+@kernel(needs=REGULARIZE, otherwise=as_they_are)
+def regularized(scene, alpha_x, alpha_y, blurred):
+    """At least a little roughness where the path is blurred already, so that lamps can be sampled (pbrt, 10.1.2)."""
+    return raised(alpha_x, blurred), raised(alpha_y, blurred)
+
+
+@kernel
+def raised(alpha, blurred):
+    """Alpha, at least 0.1 and twice as much up to 0.3."""
+    return min(max(2.0 * alpha, 0.1), 0.3) if blurred & (alpha < 0.3) else alpha

@@ -59,7 +59,9 @@ def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
     light = light_at(scene, view, path, s, pixel, sample, numbers)
     wi = to_local(frame, light.direction)
     choice = choice_numbers(scene, pixel, sample, view.seed, path.depth).b
-    question = Question(to_local(frame, -path.ray.d), wi, numbers.c, numbers.d, choice, index_beyond(scene, s))
+    wo = to_local(frame, -path.ray.d)
+    eta = index_beyond(scene, s, path.medium)
+    question = Question(wo, wi, numbers.c, numbers.d, choice, eta, path.pdf > 0.0)
     answer = response(scene, s, kind, question)
     # What is above the shading normal's horizon and below the true surface, or the other way round, carries nothing.
     reaches = (light.pdf > 0.0) & (max_component(answer.value.f) > 0.0) & (wi.z * dot(s.n, light.direction) > 0.0)

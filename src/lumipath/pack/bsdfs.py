@@ -25,9 +25,13 @@ class BsdfRow:
         row: (80,) float32, zeros.
         texture_number: gives a texture its number.
         energy: gives an index of refraction its tables.
+        regularize: whether clear glass may grow rough.
     """
 
-    def __init__(self, row: NDArray[np.float32], texture_number: TextureNumber, energy: EnergyTables) -> None:
+    def __init__(
+        self, row: NDArray[np.float32], texture_number: TextureNumber, energy: EnergyTables, regularize: bool
+    ) -> None:
+        self.regularize = regularize
         self._row = row
         self._bits = row.view(np.int32)
         self._texture_number = texture_number
@@ -107,13 +111,13 @@ def _write_conductor(row: BsdfRow, material: Conductor) -> int:
 
 
 def _write_dielectric(row: BsdfRow, material: Dielectric) -> int:
-    if material.is_plain:
+    if material.is_plain and not row.regularize:
         return 0
     row.kind(layout.ROUGH_DIELECTRIC_KIND)
     row.colour(layout.BSDF_COLOUR, material.transmission_tint)
     row.colour(layout.BSDF_EDGE, material.reflection_tint)
     row.number(layout.BSDF_ROUGHNESS, material.roughness)
-    row.refraction(material.ior, tables=material.roughness != 0)
+    row.refraction(material.ior, tables=material.roughness != 0 or row.regularize)
     return layout.ROUGH_DIELECTRICS | row.anisotropy(material.anisotropy, material.rotation)
 
 

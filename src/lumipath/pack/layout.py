@@ -52,6 +52,11 @@ ROUGH_DIELECTRICS = 1 << 50
 THIN_DIELECTRICS = 1 << 51
 PRINCIPLED = 1 << 52
 ANISOTROPY = 1 << 56
+# Media have priorities: a path is in several at once.
+NESTED = 1 << 57
+# Settings against fireflies.
+CLAMP_INDIRECT = 1 << 59
+REGULARIZE = 1 << 60
 # Parts of the principled material.
 CLEARCOAT = 1 << 61
 SHEEN = 1 << 62
@@ -85,7 +90,7 @@ MIRROR = i32(8)  # weight rgb
 EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 1 for a dielectric, else 0
 REFLECTION_TINT = i32(16)  # of Fresnel reflection, rgb
 INTERNAL_TINT = i32(20)  # of total internal reflection, rgb
-REFRACTION = i32(24)  # index of refraction, mean transmissive weight, unused, unused
+REFRACTION = i32(24)  # index of refraction, mean transmissive weight, with NESTED its medium as bits, unused
 
 # ---- BSDFs: 80 floats. Their head is the kind as bits, three unused; then slots of 4. A colour is a factor rgb and the
 #      number of a texture as bits, -1 for none; a number is a factor, two unused, and its texture
@@ -116,6 +121,10 @@ TINTED_METAL_KIND = i32(3)
 ROUGH_DIELECTRIC_KIND = i32(4)
 THIN_DIELECTRIC_KIND = i32(5)
 PRINCIPLED_KIND = i32(6)
+
+# ---- media, with NESTED: 8 floats: extinction rgb (1/m), priority; index of refraction, three unused
+MEDIUM_SIZE = i32(8)
+MOST_MEDIA = 126  # 7 bits each, one of them for none
 
 # ---- energy: tables of directional albedos, of `pack/energy.py`. A table has 32 rows of roughness with 32 cells
 #      of cosine, and then the mean of each row over the hemisphere
@@ -174,6 +183,7 @@ class PackedScene(NamedTuple):
     phong: NDArray[Any]  # (M, 16) float32
     bsdfs: NDArray[Any]  # (M, 80) float32; empty without BSDFS
     energy: NDArray[Any]  # (E, 1056) float32; empty without MICROFACETS
+    media: NDArray[Any]  # (D, 8) float32; empty without NESTED
     textures: NDArray[Any]  # (N, 4) int32
     texels: NDArray[Any]  # (., 4) float32
     lights: NDArray[Any]  # (L, 24) float32
@@ -213,6 +223,7 @@ class View(NamedTuple):
     max_depth: i32
     rr_depth: i32
     ao_distance: f32  # metres; 0: follows from the scene's extent
+    clamp_indirect: f32  # W/(m^2 sr); for CLAMP_INDIRECT
 
 
 TILE = i32(16)

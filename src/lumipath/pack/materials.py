@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Appearance, Material, Texture
+from ..errors import SceneError
+from ..scene import Appearance, Material, Texture, ThinDielectric
 from ..scene.material import is_positive
 from . import layout
 from .bsdfs import BsdfRow, write_bsdf
@@ -15,12 +16,15 @@ from .energy import EnergyTables
 
 # Stands for a transmissive part of 0: whatever enters is gone within the shortest stretch.
 _OPAQUE = 1e20
+# Priority of a medium that has none: above all others.
+_FIRST = 1e38
 
 
 class MaterialTable:
     """Collects materials, each once, and the textures that they use."""
 
-    def __init__(self) -> None:
+    def __init__(self, regularize: bool = False) -> None:
+        self._regularize = regularize
         self.materials: list[Material | Appearance] = []
         self.energy = EnergyTables()
         self._textures: list[Texture] = []
@@ -59,6 +63,29 @@ class MaterialTable:
                 row[layout.REFRACTION + 1] = 1.0
         return table
 
+    def media(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(D, 8) float32: the media of dielectrics, where any has a priority; their numbers are written into `rows`.
+
+        Raises:
+            SceneError: more media than can be numbered.
+        """
+        if all(getattr(material, "priority", None) is None for material in self.materials):
+            return np.zeros((0, int(layout.MEDIUM_SIZE)), np.float32)
+        found: list[NDArray[np.float32]] = []
+        for row, material in zip(rows, self.materials):
+            has_inside = row[layout.EXTINCTION + 3] > 0 and not isinstance(material, ThinDielectric)
+            row.view(np.int32)[layout.REFRACTION + 2] = len(found) if has_inside else -1
+            if has_inside:
+                priority = getattr(material, "priority", None)
+                extinction = row[layout.EXTINCTION : layout.EXTINCTION + 3]
+                index = row[layout.REFRACTION]
+                found.append(np.array([*extinction, _FIRST if priority is None else priority, index, 0, 0, 0]))
+        if len(found) > layout.MOST_MEDIA:
+            raise SceneError(
+                f"{len(found)} dielectrics, of which some have a priority: at most {layout.MOST_MEDIA} are possible"
+            )
+        return np.array(found, np.float32)
+
     def lobes(self) -> list[Material]:
         """The sum of lobes of each material, or the one that stands for it."""
         return [material.as_lobes() if isinstance(material, Appearance) else material for material in self.materials]
@@ -69,7 +96,7 @@ class MaterialTable:
         features = 0
         for row, material in zip(table, self.materials):
             if isinstance(material, Appearance):
-                features |= write_bsdf(BsdfRow(row, self._texture_number, self.energy), material)
+                features |= write_bsdf(BsdfRow(row, self._texture_number, self.energy, self._regularize), material)
         return (table if features & layout.BSDFS else table[:0]), features
 
     def _write_row(self, row: NDArray[np.float32], material: Material) -> None:

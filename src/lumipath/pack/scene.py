@@ -34,13 +34,17 @@ class Packed:
     material_names: tuple[str, ...]
 
 
-def pack_scene(scene: Scene) -> Packed:
+def pack_scene(scene: Scene, *, regularize: bool = False) -> Packed:
     """Flatten a scene. The tree is left out: each kind of device has its own.
+
+    Args:
+        scene: what to render.
+        regularize: whether clear glass may grow rough, as the setting of that name wants.
 
     Raises:
         SceneError: more primitives or materials than can be numbered.
     """
-    table = MaterialTable()
+    table = MaterialTable(regularize)
     geometry = flatten(scene, table)
     primitives = len(geometry.faces) + len(geometry.quadrics)
     if primitives >= _MAX_PRIMITIVES:
@@ -57,6 +61,8 @@ def pack_scene(scene: Scene) -> Packed:
             f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible"
         )
     rows = table.rows()
+    media = table.media(rows)
+    features |= layout.NESTED if len(media) else 0
     phong = table.phong_rows()
     textures, texels = table.textures()
     has_vertex_data = bool(features & layout.VERTEX_DATA)
@@ -79,6 +85,7 @@ def pack_scene(scene: Scene) -> Packed:
         materials=aligned(rows),
         phong=aligned(phong),
         bsdfs=aligned(bsdfs),
+        media=aligned(media),
         energy=aligned(table.energy.rows(features)),
         textures=aligned(textures),
         texels=aligned(texels),
@@ -134,7 +141,15 @@ def _camera_features(settings: RenderSettings, camera: Camera) -> int:
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it looks at no lights."""
     mask = scene & ~(layout.ANY_LIGHT | layout.MANY_LIGHTS) | layout.LAYERS | _camera_features(settings, camera)
+    mask &= ~layout.NESTED
     return mask | (layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0)
+
+
+def image_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
+    """Feature bits of a render of a scene whose own bits are `scene`."""
+    mask = scene | settings_features(settings, camera)
+    # Only paths carry several media.
+    return mask & ~layout.NESTED if mask & layout.PIXEL_INTEGRATORS else mask
 
 
 def settings_features(settings: RenderSettings, camera: Camera) -> int:
@@ -145,6 +160,8 @@ def settings_features(settings: RenderSettings, camera: Camera) -> int:
         return mask
     mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0
     mask |= layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0
+    mask |= layout.CLAMP_INDIRECT if settings.clamp_indirect is not None else 0
+    mask |= layout.REGULARIZE if settings.regularize else 0
     mask |= layout.ROULETTE if settings.rr_depth is not None and settings.rr_depth < settings.max_depth else 0
     return mask
 
@@ -190,4 +207,5 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
         max_depth=i32(max_depth),
         rr_depth=i32(settings.rr_depth if settings.rr_depth is not None else 1 << 30),
         ao_distance=f32(settings.ao_distance or 0.0),
+        clamp_indirect=f32(settings.clamp_indirect or 0.0),
     )

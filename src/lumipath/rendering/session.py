@@ -19,7 +19,7 @@ from ..devices.device import Device
 from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
 from ..pack import layout
-from ..pack.scene import Packed, layer_features, pack_scene, pack_view, settings_features
+from ..pack.scene import Packed, image_features, layer_features, pack_scene, pack_view
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
@@ -146,9 +146,9 @@ class Session:
     def _prepare(self, camera: Camera) -> None:
         """Bring the scene to the device, and compile the kernels for what it uses."""
         start = time.perf_counter()
-        host = pack_scene(self.scene)
+        host = pack_scene(self.scene, regularize=self.settings.regularize)
         packed = self.device.upload(host)
-        features = packed.features.mask | settings_features(self.settings, camera)
+        features = image_features(packed.features.mask, self.settings, camera)
         if self.settings.focus_on is not None:
             focus = self._distance_of(self.settings.focus_on, host, packed)
             self._view = pack_view(camera, attrs.evolve(self.settings, focus=focus, focus_on=None))

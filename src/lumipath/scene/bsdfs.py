@@ -41,6 +41,11 @@ def checked_share(owner: Any, attribute: Any, value: Any) -> None:
         checked_number(0.0, 1.0)(owner, attribute, value)
 
 
+def _checked_priority(owner: Any, attribute: Any, value: Any) -> None:
+    if value is not None and (type(value) is not int or not -1000 <= value <= 1000):
+        raise SceneError(f"{_where(owner)}: priority is {value!r}: it must be a whole number from -1000 to 1000")
+
+
 @frozen(eq=False, kw_only=True)
 class Appearance:
     """What all materials of this page have in common.
@@ -187,6 +192,9 @@ class Dielectric(Appearance):
         transmission_tint: what light is multiplied by each time it passes the surface.
         attenuation_color: what is left of white light after `attenuation_distance` inside.
         attenuation_distance: metres; infinite for a medium that absorbs nothing.
+        priority: where dielectrics overlap, the one with the highest priority is there, and surfaces of others are not
+            (Schmidt and Budge 2002); `ior` is then relative to vacuum. None: above all others, and `ior` is relative to
+            whatever is around.
     """
 
     ior: float = field(default=1.5, validator=checked_number(0.1, 10.0))
@@ -197,6 +205,7 @@ class Dielectric(Appearance):
     transmission_tint: Colour | Texture = WHITE
     attenuation_color: Colour = WHITE
     attenuation_distance: float = field(default=math.inf, validator=checked_number(1e-9, math.inf))
+    priority: int | None = field(default=None, validator=_checked_priority)
 
     _limits: ClassVar[dict[str, float]] = Appearance._limits | {
         "reflection_tint": 1.0,
@@ -211,8 +220,9 @@ class Dielectric(Appearance):
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is clear and without a tint of its surface."""
-        return self.roughness == 0 and self.reflection_tint == WHITE and self.transmission_tint == WHITE
+        """Whether it is clear, without a tint of its surface, and refracts as it does alone."""
+        is_white = self.reflection_tint == WHITE and self.transmission_tint == WHITE
+        return self.roughness == 0 and is_white and self.priority is None
 
     @property
     def extinction(self) -> Colour:

@@ -32,6 +32,7 @@ _SCENES = {
     "caustics": ("caustics", "caustics", "light gathered by a glass ball, a metal ring and a red glass cone"),
     "many-lobes": ("lobes", "many_lobes", "materials that add up matt, mirror, glass and emission"),
     "bokeh": ("bokeh", "bokeh", "small lamps out of focus, through a lens of six blades"),
+    "glass-of-water": ("water", "glass_of_water", "water in a glass, which overlap and have priorities"),
     "materials": ("studio", "materials", "the principled material: gold, plastic, lacquer, cloth, films and glass"),
     "bench-cornell": ("bench", "bench_cornell", "benchmark: a Cornell box of 36 triangles"),
     "bench-blob100k": ("bench", "bench_blob100k", "benchmark: a bumpy sphere in a box, 99,236 triangles"),

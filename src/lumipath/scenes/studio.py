@@ -14,6 +14,7 @@ _RADIUS = 0.44
 _COLUMNS = 7
 _STEP = 0.42
 _DEPTH = 1.15
+_BACK = -9.9
 
 _WHITE = (1.0, 1.0, 1.0)
 _RED = (0.55, 0.02, 0.02)
@@ -121,19 +122,19 @@ def _ball(row: int, column: int, material: Any) -> Sphere:
 
 def _steps(rows: int) -> list[Shape]:
     """What the rows behind the first one stand on."""
-    return [
-        Box(
-            transform=translate(0.0, row * _STEP / 2, -row * _DEPTH - 4.0 + _DEPTH / 2) @ scale(7.9, row * _STEP, 8.0),
-            material=_GREY,
-            name=f"step {row}",
-        )
-        for row in range(1, rows)
-    ]
+    steps: list[Shape] = []
+    for row in range(1, rows):
+        front = _DEPTH / 2 - row * _DEPTH
+        depth, height = front - _BACK, row * _STEP
+        place = translate(0.0, height / 2, front - depth / 2) @ scale(7.9, height, depth)
+        steps.append(Box(transform=place, material=_GREY, name=f"step {row}"))
+    return steps
 
 
 def _backdrop() -> Mesh:
     """Paper that runs over the floor and bends upwards behind."""
-    radius, back, front, half = 2.5, -7.4, 7.0, 9.9
+    radius, front, half = 2.5, 7.0, 9.9
+    back = _BACK + radius
     angle = np.linspace(0, np.pi / 2, 24)
     y = np.concatenate([[0.0], radius * (1 - np.cos(angle)), [9.0]])
     z = np.concatenate([[front], back - radius * np.sin(angle), [back - radius]])

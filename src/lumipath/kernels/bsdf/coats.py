@@ -28,7 +28,7 @@ from ..energy import (
 )
 from ..fresnel import schlick_weight
 from ..functions import unit_power
-from ..microfacet import visible_weight
+from ..microfacet import regularized, visible_weight
 from ..vectors import black, dot, max_component
 from .conductor import reflection_density
 from .values import BsdfValue, colour_slot, number_slot
@@ -72,18 +72,19 @@ class Cover:
 
 
 @kernel
-def no_coat(scene, s, wo):
+def no_coat(scene, s, q):
     """A scene without coats."""
     return Coat(0.0, 1.0, 1.0, 0.0, 0.0)
 
 
 @kernel(needs=CLEARCOAT, otherwise=no_coat)
-def coat_at(scene, s, wo):
+def coat_at(scene, s, q):
     """The coat at a point of a surface."""
     weight = number_slot(scene, s, BSDF_CLEARCOAT)
     roughness = number_slot(scene, s, BSDF_CLEARCOAT_ROUGHNESS)
     alpha = max(roughness * roughness, LEAST_ALPHA)
-    albedo = facet_albedo(scene, wo.z, alpha, alpha)
+    alpha, _ = regularized(scene, alpha, alpha, q.blurred)
+    albedo = facet_albedo(scene, q.wo.z, alpha, alpha)
     facing = weight * directional(albedo, _COAT_F0, 1.0)
     return Coat(weight, alpha, alpha, facing, weight * hemispherical(albedo, _COAT_F0, 1.0))
 

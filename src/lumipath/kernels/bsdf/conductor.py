@@ -13,6 +13,7 @@ from ..microfacet import (
     ggx_lambda,
     ggx_visible_normal,
     reflected,
+    regularized,
     visible_weight,
 )
 from ..vectors import dot, normalize, white
@@ -36,11 +37,12 @@ class Metal:
 
 
 @kernel
-def metal_at(scene, s, kind, wo):
-    """The parameters at a point of a surface that is seen from wo."""
+def metal_at(scene, s, kind, q):
+    """The parameters at a point of a surface, for a question."""
     alpha_x, alpha_y = anisotropic_alphas(
         number_slot(scene, s, BSDF_ROUGHNESS), slot(scene, s.material, BSDF_ANISOTROPY)[0]
     )
+    alpha_x, alpha_y = regularized(scene, alpha_x, alpha_y, q.blurred)
     first = colour_slot(scene, s, BSDF_COLOUR)
     second = colour_slot(scene, s, BSDF_EDGE)
     m = Metal(kind == MEASURED_METAL_KIND, first, second, alpha_x, alpha_y, white())
@@ -48,7 +50,7 @@ def metal_at(scene, s, kind, wo):
         return m
     # The average over the hemisphere by two points, exact for cubics (Gauss's quadrature with the weight 2 cos).
     average = metal_reflectance(m, f32(0.35505103)) * 0.36391723 + metal_reflectance(m, f32(0.84494897)) * 0.63608277
-    boost = energy_compensation(scene, wo.z, alpha_x, alpha_y, average)
+    boost = energy_compensation(scene, q.wo.z, alpha_x, alpha_y, average)
     return Metal(m.measured, first, second, alpha_x, alpha_y, boost)
 
 

@@ -5,7 +5,7 @@ glTF 2.0: KHR_materials_transmission, KHR_materials_volume, KHR_materials_ior. R
 
 from __future__ import annotations
 
-from ...lang import Vec3, as_int, f32, i32, kernel, struct
+from ...lang import Vec3, as_int, f32, i32, inverse, kernel, struct
 from ...pack.layout import BSDF_REFRACTION, BSDF_TRANSMISSION, TRANSMISSION
 from ..energy import dielectric_compensation
 from ..fresnel import dielectric_reflectance, refracted_cosine, schlick_weight
@@ -85,10 +85,14 @@ def interface_at(scene, s, mu, alpha_x, alpha_y, albedo, given, f0, f90, tint, s
         tint: of what goes through.
         share: how much of the surface light goes through.
     """
-    table = as_int(slot(scene, s.material, BSDF_REFRACTION)[1])
+    row = slot(scene, s.material, BSDF_REFRACTION)
+    table = as_int(row[1])
     boost = 1.0 / albedo
     if not given.thin:
         boost = dielectric_compensation(scene, table if s.front else i32(table + 1), mu, alpha_x, alpha_y)
+        # Between two media that both are not vacuum the index is another one, for which there is no table.
+        known = abs(given.eta / (row[0] if s.front else inverse(row[0])) - 1.0) <= LEAST_DIFFERENCE
+        boost = boost if known else f32(1.0)
     boost = boost if max(alpha_x, alpha_y) >= SMOOTH_ALPHA else f32(1.0)
     return Interface(share * boost, tint, f0, f90, given.usual, given.eta, given.thin)
 

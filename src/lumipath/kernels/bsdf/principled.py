@@ -25,7 +25,7 @@ from ...pack.layout import (
     TRANSMISSION,
 )
 from ..energy import LEAST_ALPHA, compensation, directional, facet_albedo, hemispherical
-from ..microfacet import ggx_visible_normal, reflected, visible_weight
+from ..microfacet import ggx_visible_normal, reflected, regularized, visible_weight
 from ..vectors import between, black, dot, luminance, max_component, normalize, white
 from ..warps import cosine_hemisphere, cosine_hemisphere_pdf, uniform_hemisphere, uniform_hemisphere_pdf
 from .coats import Coat, Sheen, coat_at, coat_reflectance, cover, eval_coat, eval_sheen, sheen_at
@@ -134,16 +134,18 @@ def with_film(scene, s, mu, base, bare, metallic):
 
 
 @kernel
-def principled_at(scene, s, wo, eta):
-    """The parameters at a point of a surface that is seen from wo; `eta` as in `Question`."""
+def principled_at(scene, s, q):
+    """The parameters at a point of a surface, for a `Question`."""
+    wo = q.wo
     base = colour_slot(scene, s, BSDF_COLOUR)
     metallic = number_slot(scene, s, BSDF_METALLIC)
     roughness = number_slot(scene, s, BSDF_ROUGHNESS)
     alpha_x, alpha_y = stretched(scene, s, max(roughness * roughness, LEAST_ALPHA))
+    alpha_x, alpha_y = regularized(scene, alpha_x, alpha_y, q.blurred)
     seen = facet_albedo(scene, wo.z, alpha_x, alpha_y)
 
     # Facets of a dielectric and of a metal; those of a metal pass light on to each other.
-    given = interface_of(scene, s, eta)
+    given = interface_of(scene, s, q.eta)
     bare = dielectric_ends(scene, s, given.usual)
     metal0, bare_f0 = with_film(scene, s, wo.z, base, bare.f0, metallic)
     average = metal0 + (white() - metal0) * f32(1.0 / 21.0)
@@ -163,7 +165,7 @@ def principled_at(scene, s, wo, eta):
     matt = base * (opaque * left * inverse(1.0 - hemispherical(seen, bare0, bare90)))
 
     # Each lobe's part of white light from everywhere that goes to the viewer.
-    coat = coat_at(scene, s, wo)
+    coat = coat_at(scene, s, q)
     sheen = sheen_at(scene, s, wo)
     woven = min(sheen.facing, 1.0)
     below = (1.0 - coat.facing) * (1.0 - sheen.share * woven)

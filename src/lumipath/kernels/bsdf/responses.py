@@ -33,6 +33,7 @@ class Question:
 
     wo: to the viewer, wo.z > 0. wi: to the light. u, v: place of the new direction. choice: of the lobe.
     eta: index of refraction beyond the surface relative to the viewer's side; 1 where nothing is refracted.
+    blurred: whether the path came here by chance, from a surface that scatters in many directions.
     """
 
     wo: Vec3
@@ -41,6 +42,7 @@ class Question:
     v: f32
     choice: f32
     eta: f32
+    blurred: bool
 
 
 @struct
@@ -80,7 +82,7 @@ def from_rough_dielectric(scene, s, kind, q):
 def from_thin_dielectric(scene, s, kind, q):
     """A sheet of glass, or else."""
     if kind == THIN_DIELECTRIC_KIND:
-        m = thin_dielectric_at(scene, s, q.wo)
+        m = thin_dielectric_at(scene, s, q)
         return Response(eval_thin_dielectric(m, q.wo, q.wi), sample_thin_dielectric(m, q.wo, q.u, q.v, q.choice))
     return from_rough_dielectric(scene, s, kind, q)
 
@@ -89,7 +91,7 @@ def from_thin_dielectric(scene, s, kind, q):
 def from_principled(scene, s, kind, q):
     """The material of glTF, or else."""
     if kind == PRINCIPLED_KIND:
-        m = principled_at(scene, s, q.wo, q.eta)
+        m = principled_at(scene, s, q)
         value = eval_principled(scene, m, q.wo, q.wi)
         return Response(value, sample_principled(scene, m, q.wo, q.u, q.v, q.choice))
     return from_thin_dielectric(scene, s, kind, q)
@@ -99,6 +101,6 @@ def from_principled(scene, s, kind, q):
 def response(scene, s, kind, q):
     """A metal, or else."""
     if (kind == MEASURED_METAL_KIND) | (kind == TINTED_METAL_KIND):
-        m = metal_at(scene, s, kind, q.wo)
+        m = metal_at(scene, s, kind, q)
         return Response(eval_metal(m, q.wo, q.wi), sample_metal(m, q.wo, q.u, q.v))
     return from_principled(scene, s, kind, q)

@@ -5,7 +5,7 @@ Radiance is carried as basic radiance, L / n^2, which refraction does not change
 
 from __future__ import annotations
 
-from ...lang import Vec3, as_int, f32, i32, kernel, struct
+from ...lang import Vec3, as_int, f32, i32, inverse, kernel, struct
 from ...pack.layout import BSDF_ANISOTROPY, BSDF_COLOUR, BSDF_EDGE, BSDF_REFRACTION, BSDF_ROUGHNESS
 from ..energy import dielectric_compensation
 from ..fresnel import dielectric_reflectance, refracted_cosine
@@ -16,6 +16,7 @@ from ..microfacet import (
     ggx_visible_normal,
     reflected,
     refracted,
+    regularized,
     visible_weight,
 )
 from ..vectors import dot, normalize
@@ -44,16 +45,19 @@ class RoughDielectric:
 
 @kernel
 def rough_dielectric_at(scene, s, q):
-    """The parameters at a point of a surface that is seen from q.wo."""
+    """The parameters at a point of a surface, for a question."""
     alpha_x, alpha_y = anisotropic_alphas(
         number_slot(scene, s, BSDF_ROUGHNESS), slot(scene, s.material, BSDF_ANISOTROPY)[0]
     )
+    alpha_x, alpha_y = regularized(scene, alpha_x, alpha_y, q.blurred)
     reflection = colour_slot(scene, s, BSDF_EDGE)
     transmission = colour_slot(scene, s, BSDF_COLOUR)
     m = RoughDielectric(q.eta, alpha_x, alpha_y, reflection, transmission, 1.0)
-    if is_smooth(m):
+    row = slot(scene, s.material, BSDF_REFRACTION)
+    # Between two media that both are not vacuum the index is another one, for which there is no table.
+    if is_smooth(m) | (abs(q.eta / (row[0] if s.front else inverse(row[0])) - 1.0) > _SAME_INDEX):
         return m
-    table = as_int(slot(scene, s.material, BSDF_REFRACTION)[1])
+    table = as_int(row[1])
     boost = dielectric_compensation(scene, table if s.front else i32(table + 1), q.wo.z, alpha_x, alpha_y)
     return RoughDielectric(q.eta, alpha_x, alpha_y, reflection, transmission, boost)
 

@@ -12,6 +12,7 @@ from ..microfacet import (
     ggx_visible_density,
     ggx_visible_normal,
     reflected,
+    regularized,
     visible_weight,
 )
 from ..vectors import dot, normalize, white
@@ -33,13 +34,14 @@ class ThinDielectric:
 
 
 @kernel
-def thin_dielectric_at(scene, s, wo):
-    """The parameters at a point of a surface that is seen from wo."""
+def thin_dielectric_at(scene, s, q):
+    """The parameters at a point of a surface, for a question."""
     alpha, _ = anisotropic_alphas(number_slot(scene, s, BSDF_ROUGHNESS), f32(0.0))
+    alpha, _ = regularized(scene, alpha, alpha, q.blurred)
     index = slot(scene, s.material, BSDF_REFRACTION)[0]
     # What goes through is spread as what is reflected is, so both lose as much as facets of metal.
     smooth = alpha < SMOOTH_ALPHA
-    boost = f32(1.0) if smooth else dielectric_compensation(scene, ENERGY_WHITE, wo.z, alpha, alpha)
+    boost = f32(1.0) if smooth else dielectric_compensation(scene, ENERGY_WHITE, q.wo.z, alpha, alpha)
     return ThinDielectric(index, alpha, colour_slot(scene, s, BSDF_COLOUR), boost)
 
 
