@@ -16,7 +16,7 @@ from lumipath.kernels.functions import cos_sin_turn
 from lumipath.kernels.microfacet import anisotropic_alphas, ggx_visible_normal
 from lumipath.kernels.vectors import dot
 from lumipath.lang import Vec3, sqrt
-from lumipath.pack.layout import ENERGY_WHITE
+from lumipath.pack.layout import ENERGY_INDICES, ENERGY_WHITE
 from lumipath.scene import Camera, Scene, Sphere
 from lumipath.scene.bsdfs import Conductor, Dielectric
 from lumipath.scene.bsdfs import ThinDielectric as Pane
@@ -113,7 +113,7 @@ def glass_furnace():
     kernel = looped(glass_weight, scene=True)
 
     def run(index, inside, compensated=True):
-        table, eta = np.int32(2 + 2 * indices.index(index) + inside), 1 / index if inside else index
+        table, eta = np.int32(ENERGY_INDICES + 2 * indices.index(index) + inside), 1 / index if inside else index
         return over_roughness_and_angle(lambda *rest: kernel(scene, table, eta, compensated, *rest))
 
     return run

@@ -31,7 +31,7 @@ class EnergyTables:
         """Number of the table of facets of that index of refraction, seen from outside; the next is from inside."""
         if index not in self._indices:
             self._indices.append(index)
-        return len(_reflecting()) + 2 * self._indices.index(index)
+        return int(layout.ENERGY_INDICES) + 2 * self._indices.index(index)
 
     def rows(self, features: int) -> NDArray[np.float32]:
         """(E, 1056) float32, in the order of their numbers; none for a scene without `layout.MICROFACETS`."""

@@ -133,6 +133,7 @@ ENERGY_TABLE = i32(32 * 33)
 ENERGY_WHITE = i32(0)  # of white facets
 ENERGY_SCHLICK = i32(1)  # of facets with Schlick's weight, less that weight at the cosine times the white; full means
 ENERGY_SHEEN = i32(2)  # of white fibres
+ENERGY_INDICES = i32(3)  # from here on two for each index of refraction: from outside and from inside
 
 # ---- what only Whitted ray tracing needs to know of materials: 16 floats. Colours as above --------------------------
 PHONG_SIZE = i32(16)
