@@ -88,6 +88,13 @@ def test_all_materials_and_primitives_compile_within_bounds():
     assert stack <= 4 * STACK + 128
 
 
+def test_textured_principled_surfaces_below_a_sky_compile_within_bounds():
+    made = compile_megakernel(arguments("bench-materials-cornell", wide=True), (9, 0), STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 64
+    assert stack <= 4 * STACK + 224
+
+
 @pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
 def test_instances_compile_within_bounds(wide, monkeypatch):
     monkeypatch.setattr(sys.modules[__name__], "builtin", lambda name: forest(trees=4, twigs=1))
@@ -270,11 +277,14 @@ def test_kernels_for_another_stack_are_other_kernels():
     assert deep - shallow == 4 * 3 * STACK
 
 
-@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "forest"])
+@pytest.mark.parametrize(
+    "scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "forest", "glass-of-water"]
+)
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
     from lumipath.devices.cuda.megakernel import make_vote
 
-    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True), WORK_TYPE), (9, 0))
+    settings = {"clamp_indirect": 1.0, "regularize": True} if scene == "glass-of-water" else {}
+    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True, **settings), WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)

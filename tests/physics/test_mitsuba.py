@@ -10,6 +10,7 @@ from renders import renders
 
 from lumipath.scene import (
     Camera,
+    Conductor,
     Diffuse,
     DirectionalLight,
     Environment,
@@ -20,6 +21,7 @@ from lumipath.scene import (
     Scene,
     Sphere,
     Texture,
+    ThinDielectric,
 )
 from lumipath.scenes import builtin
 
@@ -97,6 +99,17 @@ def test_a_glass_sphere_under_a_sky(device, tmp_path, index):
     ]
     scene = Scene(shapes=shapes, cameras=[Camera.look_at((0.5, 1.2, 4), (0, 0.7, 0), fov=35)])
     compare(scene, tmp_path, device, ours=CURVED, sky=lobed_sky, max_depth=6)
+
+
+def test_a_golden_mirror_behind_a_tinted_pane(device, tmp_path):
+    pane = quad((-1.5, 0, 1), (1.0, 0, 1), (1.0, 1.4, 1), (-1.5, 1.4, 1), material=ThinDielectric(tint=(0.9, 0.7, 0.5)))
+    shapes = [
+        floor(2, material=WHITE),
+        pane,
+        Sphere(transform=moved(0.3, 0.7, 0) @ scaled(0.7), material=Conductor(metal="gold", roughness=0.0)),
+    ]
+    scene = Scene(shapes=shapes, cameras=[Camera.look_at((0.8, 1.3, 4), (0, 0.6, 0), fov=38)])
+    compare(scene, tmp_path, device, sky=lobed_sky, max_depth=6)
 
 
 @pytest.mark.parametrize("position", [(0, 0, 0), (0, 3, 0), (2, 0, 0)], ids=["-z", "up", "+x"])

@@ -14,7 +14,8 @@ from .camera import axial_distance, camera_ray, central_numbers
 from .environment import environment_from
 from .footprints import looked_at_surface
 from .lobes import Bounce, lobe_probabilities
-from .materials import emission_at, is_dielectric, lobes_at, medium_beyond, transmittance
+from .materials import emission_at, lobes_at
+from .media import is_dielectric, medium_beyond, transmittance
 from .mixes import emitting_material
 from .rays import endless_ray, offset_point
 from .sampler import camera_numbers, choice_numbers, dielectric_number

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from ..lang import Vec3, f32, i32, kernel, load, load4, struct
+from ..lang import Vec3, f32, kernel, load, load4, struct
 from ..pack.layout import (
     BLENDED_MATERIALS,
     DIELECTRICS,
     DIFFUSE,
     EMISSION,
-    EXTINCTION,
     INTERNAL_TINT,
     MATERIAL_SIZE,
     MIRROR,
@@ -17,9 +16,8 @@ from ..pack.layout import (
     REFRACTION,
     VERTEX_COLOURS,
 )
-from .functions import exp_minus
 from .textures import colour_at
-from .vectors import black, white, xyz
+from .vectors import black, white
 from .vertex_colours import vertex_colour
 
 
@@ -139,39 +137,3 @@ def seen_emission(scene, material, corner, u, v, w1, w2, footprint):
 def emission_at(scene, material, corner, u, v, w1, w2):
     """Radiance that leaves a point, its texture as it is."""
     return seen_emission(scene, material, corner, u, v, w1, w2, 0.0)
-
-
-@kernel
-def clear(scene, medium, t):
-    """Nothing is absorbed."""
-    return white()
-
-
-@kernel(needs=DIELECTRICS, otherwise=clear)
-def transmittance(scene, medium, t):
-    """Fraction of light left after the distance t inside of material `medium`, -1 outside (Beer's law)."""
-    # What comes from infinitely far away comes from outside.
-    if (medium < 0) | (t > 1e18):
-        return white()
-    k = xyz(load4(scene.materials, medium * MATERIAL_SIZE + EXTINCTION))
-    return Vec3(exp_minus(k.x * t), exp_minus(k.y * t), exp_minus(k.z * t))
-
-
-@kernel
-def never_dielectric(scene, material):
-    """No material lets light through."""
-    return False
-
-
-@kernel(needs=DIELECTRICS, otherwise=never_dielectric)
-def is_dielectric(scene, material):
-    """Whether light goes through this material."""
-    return load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3] > 0.0
-
-
-@kernel
-def medium_beyond(scene, s, same_side, medium):
-    """The medium that a path goes on in: another one only where it passes through the surface of a dielectric."""
-    if same_side | (not is_dielectric(scene, s.material)):
-        return medium
-    return s.material if s.front else i32(-1)

@@ -27,7 +27,8 @@ from .environment import environment_from
 from .fresnel import refracted_cosine
 from .functions import unit_power
 from .lights import light_row, sample_directional_light, sample_point_light
-from .materials import emission_at, is_dielectric, lobes_at, medium_beyond, transmittance
+from .materials import emission_at, lobes_at
+from .media import is_dielectric, medium_beyond, transmittance
 from .normal_maps import mapped_surface
 from .rays import SHADOW_END, Ray, endless_ray, offset_point
 from .sampler import camera_numbers

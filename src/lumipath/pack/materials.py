@@ -8,23 +8,29 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Appearance, Material, Mix, Texture
+from ..errors import SceneError
+from ..scene import Appearance, Material, Mix, Texture, ThinDielectric
 from ..scene.material import is_positive
 from . import layout
 from .bsdfs import BsdfRow, write_bsdf
+from .energy import EnergyTables
 from .maps import map_rows
 from .textures import TextureTable
 
 # Stands for a transmissive part of 0: whatever enters is gone within the shortest stretch.
 _OPAQUE = 1e20
+# Priority of a medium that has none: above all others.
+_FIRST = 1e38
 
 
 class MaterialTable:
     """Collects materials, each once, and the textures that they use."""
 
-    def __init__(self) -> None:
+    def __init__(self, regularize: bool = False) -> None:
+        self._regularize = regularize
         self.materials: list[Material | Appearance] = []
         self.textures = TextureTable()
+        self.energy = EnergyTables()
         self._numbers: dict[int, int] = {}
 
     def number(self, material: Material | Appearance) -> int:
@@ -54,9 +60,35 @@ class MaterialTable:
     def rows(self) -> NDArray[np.float32]:
         """(M, 28) float32: the records of all materials."""
         table = np.zeros((len(self.materials), int(layout.MATERIAL_SIZE)), np.float32)
-        for row, material in zip(table, self.lobes()):
+        for row, material, appearance in zip(table, self.lobes(), self.materials):
             self._write_row(row, material)
+            if isinstance(appearance, Appearance) and appearance.extinction is not None:
+                row[layout.EXTINCTION : layout.EXTINCTION + 3] = appearance.extinction
+                row[layout.REFRACTION + 1] = 1.0
         return table
+
+    def media(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(D, 8) float32: the media of dielectrics, where any has a priority; their numbers are written into `rows`.
+
+        Raises:
+            SceneError: more media than can be numbered.
+        """
+        if all(getattr(material, "priority", None) is None for material in self.materials):
+            return np.zeros((0, int(layout.MEDIUM_SIZE)), np.float32)
+        found: list[NDArray[np.float32]] = []
+        for row, material in zip(rows, self.materials):
+            has_inside = row[layout.EXTINCTION + 3] > 0 and not isinstance(material, ThinDielectric)
+            row.view(np.int32)[layout.REFRACTION + 2] = len(found) if has_inside else -1
+            if has_inside:
+                priority = getattr(material, "priority", None)
+                extinction = row[layout.EXTINCTION : layout.EXTINCTION + 3]
+                index = row[layout.REFRACTION]
+                found.append(np.array([*extinction, _FIRST if priority is None else priority, index, 0, 0, 0]))
+        if len(found) > layout.MOST_MEDIA:
+            raise SceneError(
+                f"{len(found)} dielectrics, of which some have a priority: at most {layout.MOST_MEDIA} are possible"
+            )
+        return np.array(found, np.float32)
 
     def lobes(self) -> list[Material]:
         """The sum of lobes of each material, or the one that stands for it."""
@@ -73,7 +105,7 @@ class MaterialTable:
         features = 0
         for row, material in zip(table, self.materials):
             if isinstance(material, Appearance):
-                features |= write_bsdf(BsdfRow(row, self.textures.number), material)
+                features |= write_bsdf(BsdfRow(row, self.textures.number, self.energy, self._regularize), material)
         return (table if features & layout.BSDFS else table[:0]), features
 
     def map_rows(self) -> tuple[NDArray[np.float32], int]:
