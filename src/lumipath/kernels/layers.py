@@ -15,7 +15,7 @@ from .environment import environment_from
 from .footprints import looked_at_surface
 from .lobes import Bounce, lobe_probabilities
 from .materials import emission_at, lobes_at
-from .media import is_dielectric, medium_beyond, transmittance
+from .media import has_inside, medium_beyond, transmittance
 from .mixes import emitting_material
 from .rays import endless_ray, offset_point
 from .sampler import camera_numbers, choice_numbers, dielectric_number
@@ -107,10 +107,10 @@ def first_hit(scene, view, trace, ray, pixel, sample):
             break
         s = looked_at_surface(scene, view, ray, hit, pixel, sample, event)
         if event == 0:
-            emission = emission_at(scene, emitting_material(scene, s, hit.primitive), s.corner, s.u, s.v, s.w1, s.w2)
+            emission = emission_at(scene, emitting_material(scene, s, hit), s.corner, s.u, s.v, s.w1, s.w2)
             depth = axial_distance(scene, view, s.p)
             first = FirstHit(black(), black(), s.n, s.p, emission, s.u, s.v, depth, i32(1), hit.primitive, hit.instance)
-        behind = is_dielectric(scene, s.material) & (not s.front)
+        behind = has_inside(scene, s.material) & (not s.front)
         medium = s.material if behind else medium
         throughput = throughput * transmittance(scene, medium, hit.t)
         lobes = lobes_at(scene, s)
