@@ -7,9 +7,10 @@ Image Denoise on its auxiliary images advise. The other layers are of the first 
 from __future__ import annotations
 
 from ..lang import INF, Vec3, f32, i32, kernel, load, store, struct, u32
-from ..pack.layout import DIELECTRICS, INSTANCES, MIRRORS
+from ..pack.layout import BSDF_ROUGHNESS, DIELECTRICS, INSTANCES, MICROFACETS, MIRRORS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.mirror import mirror_direction
+from .bsdf.values import number_slot
 from .camera import axial_distance, camera_ray, central_numbers
 from .environment import environment_from
 from .footprints import looked_at_surface
@@ -23,6 +24,8 @@ from .vectors import black, dot, frame_around, mean_component, to_local, to_worl
 
 # Mirrors and glass that are looked through. What is behind more of them counts as white.
 LOOKED_THROUGH = 8
+# Roughness of metal and glass from which on nothing is seen in them or through them.
+BLURRING = f32(0.3)
 
 
 @struct
@@ -79,6 +82,18 @@ def look_through(scene, view, s, lobes, frame, wo, pixel, sample, event):
 
 
 @kernel
+def never_blurs(scene, s):
+    """A scene whose mirrors and glass are all smooth."""
+    return False
+
+
+@kernel(needs=MICROFACETS, otherwise=never_blurs)
+def blurs(scene, s):
+    """Whether a surface is so rough that what it mirrors or lets through cannot be told: it is seen itself."""
+    return number_slot(scene, s, BSDF_ROUGHNESS) >= BLURRING
+
+
+@kernel
 def first_hit(scene, view, trace, ray, pixel, sample):
     """Follow a camera ray to the first surface, and through mirrors and glass to what they show.
 
@@ -118,6 +133,10 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         albedo = albedo + throughput * lobes.diffuse
         specular = specular_weight(scene, lobes)
         if not specular > 0.0:
+            normal = normal + s.shading * share
+            break
+        if blurs(scene, s):
+            albedo = albedo + throughput * (lobes.mirror + white() * lobes.transmission)
             normal = normal + s.shading * share
             break
         if event == LOOKED_THROUGH:
