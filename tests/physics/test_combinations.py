@@ -125,7 +125,8 @@ def test_a_pane_may_lie_within_glass_that_absorbs(device):
     slab = Box(transform=moved(0, 0, -2) @ scaled(8, 8, 0.4), material=ink)
     pane = quad((-4, -4, -2.1), (4, -4, -2.1), (4, 4, -2.1), (-4, 4, -2.1), material=ThinDielectric(ior=1.0))
     images = pictures(slab, pane, device=device, environment=sky(), camera=Camera(fov=0.5), seeds=4)
-    assert_same(images, np.array([0.5, 0.8, 0.2]))
+    # Nothing is left to chance; rays start a little off each surface.
+    np.testing.assert_allclose(images, np.broadcast_to((0.5, 0.8, 0.2), images.shape), rtol=1e-3)
 
 
 # ---- holes within instances ------------------------------------------------------------------------------------------
@@ -230,17 +231,18 @@ WALL = (0.2, 0.4, 0.6)
 GOLD = Conductor(metal="gold", roughness=0.8)
 BALANCED = Mix(first=Diffuse(reflectance=0.2), second=Diffuse(reflectance=0.8), weight=0.5)
 GLOWING = Mix(first=Diffuse(reflectance=0.0), second=GOLD, weight=0.0, emission=2.0, group="sign")
-# Each with the albedo that a look at it sees, and that of the layer, for which smooth glass is looked through.
+# Each with the albedo of the layer, for which smooth glass is looked through.
 PANELS = [
-    (ThinDielectric(), 1.0, WALL),
-    (Principled(base_color=1.0, transmission=1.0, roughness=0.0, thin=True), 1.0, WALL),
-    (Principled(base_color=0.8, transmission=0.5, roughness=0.0, ior=1.0), 1.0, 0.4 + 0.5 * np.array(WALL)),
-    (Dielectric(roughness=0.6), 1.0, 1.0),
-    (GOLD, GOLD.face_on(), GOLD.face_on()),
-    (Principled(base_color=(0.9, 0.2, 0.1), metallic=1.0, roughness=0.8), (0.9, 0.2, 0.1), (0.9, 0.2, 0.1)),
-    (BALANCED, 0.5, 0.5),
-    (GLOWING, 0.0, 0.0),
-    (Diffuse(reflectance=0.9, opacity=0.0), WALL, WALL),
+    (ThinDielectric(), WALL),
+    (Principled(base_color=1.0, transmission=1.0, roughness=0.0, thin=True), WALL),
+    (Principled(base_color=1.0, transmission=0.6, roughness=0.0, ior=1.0), WALL),
+    (Principled(base_color=0.8, transmission=0.3, roughness=0.0), 0.8),
+    (Dielectric(roughness=0.6), 1.0),
+    (GOLD, GOLD.face_on()),
+    (Principled(base_color=(0.9, 0.2, 0.1), metallic=1.0, roughness=0.8), (0.9, 0.2, 0.1)),
+    (BALANCED, 0.5),
+    (GLOWING, 0.0),
+    (Diffuse(reflectance=0.9, opacity=0.0), WALL),
 ]
 IN_FRONT = {"width": 5 * len(PANELS), "height": 5, "spp": 64, "max_depth": 4}
 
@@ -248,38 +250,32 @@ IN_FRONT = {"width": 5 * len(PANELS), "height": 5, "spp": 64, "max_depth": 4}
 def panels(change=lambda material: material):
     """A wall and squares before it, side by side, each 5 pixels wide."""
     shapes = [quad((-90, -90, -9), (90, -90, -9), (90, 90, -9), (-90, 90, -9), material=Diffuse(reflectance=WALL))]
-    for k, (material, _, _) in enumerate(PANELS):
+    for k, (material, _) in enumerate(PANELS):
         x = k - (len(PANELS) - 1) / 2
         corners = ((x - 0.5, -1, -4), (x + 0.5, -1, -4), (x + 0.5, 1, -4), (x - 0.5, 1, -4))
         shapes.append(quad(*corners, material=change(material)))
     camera = Camera(fov=float(np.degrees(2 * np.arctan(0.5 / 4))))
     lights = [DirectionalLight(direction=(0.1, -0.2, -1), colour=1.0, group="sun")]
-    return with_all_surfaces(Scene(shapes=shapes, lights=lights, environment=sky(0.3), cameras=[camera]))
-
-
-def test_albedo_of_a_look(device):
-    session = Session(panels(), device=device, integrator="albedo", **IN_FRONT)
-    image = np.asarray(session.run(), np.float64)
-    for k, (_, albedo, _) in enumerate(PANELS):
-        seen = image[2, 5 * k + 2]
-        np.testing.assert_allclose(seen, np.broadcast_to(albedo, 3), atol=0.02 if k == 6 else 1e-5, err_msg=str(k))
+    return Scene(shapes=shapes, lights=lights, environment=sky(0.3), cameras=[camera])
 
 
 def test_layers_see_smooth_glass_through_and_rough_glass_itself_and_add_up(device):
     parts = ("emission", "direct", "indirect")
     session = Session(panels(), device=device, aov=("albedo", "normal", "light_groups", *parts), **IN_FRONT)
     image = session.run()
-    for k, (_, _, albedo) in enumerate(PANELS):
+    for k, (_, albedo) in enumerate(PANELS):
         middle = 2, 5 * k + 2
-        tolerance = 0.15 if k in (2, 6) else 1e-3
-        np.testing.assert_allclose(image["albedo"][middle], np.broadcast_to(albedo, 3), atol=tolerance, err_msg=str(k))
+        seen = image["albedo"][middle]
+        # Of a mix of two albedos, as 64 samples draw them.
+        tolerance = 0.15 if isinstance(PANELS[k][0], Mix) else 1e-3
+        np.testing.assert_allclose(seen, np.broadcast_to(albedo, 3), atol=tolerance, err_msg=str(k))
         np.testing.assert_allclose(image["normal"][middle], (0, 0, 1), atol=1e-3)
     whole = np.asarray(image, np.float64)
     np.testing.assert_allclose(sum(image[name] for name in parts), whole, rtol=1e-4, atol=1e-5)
     groups = ("light_default", "light_sign", "light_sun")
     np.testing.assert_allclose(sum(image[name] for name in groups), whole, rtol=1e-4, atol=1e-5)
     # A mix shines as a whole, whichever of its parts a ray meets.
-    sign = 5 * 7 + 2
+    sign = 5 * [material for material, _ in PANELS].index(GLOWING) + 2
     np.testing.assert_allclose(image["emission"][2, sign], 2.0, rtol=1e-5)
     np.testing.assert_allclose(image["light_sign"][2, sign], 2.0, rtol=1e-5)
     assert image["light_sign"][2, 2].max() > 0
@@ -290,6 +286,6 @@ def test_whitted_ray_tracing_sees_the_lobes_that_stand_for_a_material(device):
         np.asarray(Session(scene, device=device, integrator="whitted", **IN_FRONT).run(), np.float64)
         for scene in (panels(), panels(lambda m: m if isinstance(m, Mix) or m.has_holes else m.as_lobes()))
     )
-    whole = [5 * k + 2 for k in range(len(PANELS)) if k != 2]
-    np.testing.assert_allclose(ours[2, whole], lobes[2, whole], rtol=1e-4, atol=1e-6)
-    assert (ours[2, whole[:-3]].max(axis=1) > 0).all()
+    np.testing.assert_allclose(ours, lobes, rtol=1e-4, atol=1e-6)
+    middles = ours[2, 2::5].max(axis=1)
+    assert (middles > 0).all()

@@ -86,6 +86,7 @@ SIGNED_FILTER = 1 << 46
 MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 """Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
+PRINCIPLED_PARTS = CLEARCOAT | SHEEN | IRIDESCENCE | TRANSMISSION | SPECULAR
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 TANGENTS = TEXTURES | NORMAL_MAPS | ANISOTROPY
@@ -117,10 +118,11 @@ MATERIAL_SIZE = i32(28)
 DIFFUSE = i32(0)  # albedo rgb
 EMISSION = i32(4)  # radiance rgb
 MIRROR = i32(8)  # weight rgb
-EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is BODY or SHEET for a dielectric, else 0
+EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 0 where no light goes through, or
 REFLECTION_TINT = i32(16)  # of Fresnel reflection, rgb
 INTERNAL_TINT = i32(20)  # of total internal reflection, rgb
 REFRACTION = i32(24)  # index of refraction, mean transmissive weight, with NESTED its medium as bits, unused
+VEILED_BODY = f32(0.5)  # as BODY, but so little light goes through that only paths take notice
 BODY = f32(1)  # light goes through it into an inside
 SHEET = f32(2)  # light goes through it and comes out again
 
