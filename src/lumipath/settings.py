@@ -65,6 +65,11 @@ def _real(low: float, high: float) -> Callable[[Any, attrs.Attribute[Any], Any],
     return check
 
 
+def _flag(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+    if type(value) is not bool:
+        raise _fail(attribute.name, value, "true or false")
+
+
 def _choice(choices: tuple[str, ...]) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
     def check(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
         if value not in choices:
@@ -180,6 +185,15 @@ class RenderSettings:
     fresnel: str = _option("exact", "Reflectance of smooth dielectrics.", _choice(FRESNELS), choices=FRESNELS)
     rr_depth: int | None = _option(
         4, "Scattering events before Russian roulette may end a path; off: never.", _optional(_integer(0, 1 << 16))
+    )
+    clamp_indirect: float | None = _option(
+        None,
+        "Limit what a path brings from its second scattering on; less noise, and too dark where it matters.",
+        _optional(_real(1e-6, 1e12)),
+        "W/(m^2 sr)",
+    )
+    regularize: bool = _option(
+        False, "Blur mirrors and glass that are seen by way of other surfaces, so that caustics are smooth.", _flag
     )
     seed: int = _option(0, "Another seed gives independent noise.", _integer(0, (1 << 32) - 1))
     first_sample: int = _option(

@@ -28,7 +28,21 @@ from lumipath.lang import Features
 from lumipath.lang.cuda import compile_ptx
 from lumipath.pack.layout import WIDE_TREE, PackedScene
 from lumipath.pack.scene import layer_features, pack_scene, settings_features
-from lumipath.scene import Conductor, Diffuse, DirectionalLight, Mesh, Mix, PointLight, Scene, Sphere, Texture
+from lumipath.scene import (
+    Conductor,
+    Dielectric,
+    Diffuse,
+    DirectionalLight,
+    Instance,
+    Mesh,
+    Mix,
+    PointLight,
+    Principled,
+    Scene,
+    Sphere,
+    Texture,
+    ThinDielectric,
+)
 from lumipath.scenes.forest import forest
 from lumipath.settings import RenderSettings
 
@@ -86,6 +100,13 @@ def test_all_materials_and_primitives_compile_within_bounds():
     registers, stack = resources(made.report)
     assert registers <= 64
     assert stack <= 4 * STACK + 128
+
+
+def test_textured_principled_surfaces_below_a_sky_compile_within_bounds():
+    made = compile_megakernel(arguments("bench-materials-cornell", wide=True), (9, 0), STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 64
+    assert stack <= 4 * STACK + 224
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
@@ -253,7 +274,7 @@ def test_layers_compile_within_bounds_and_spill_nothing(capability):
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
-@pytest.mark.parametrize("scene", ["bench-cornell", "many-lobes", "textures"])
+@pytest.mark.parametrize("scene", ["bench-materials-cornell", "many-lobes", "textures"])
 def test_layers_need_no_double_precision_and_no_calls(scene, wide):
     signature = (layers_scene(scene, wide=wide, sampler="independent"), VIEW_TYPE, LAYERS_TYPE, WORK_TYPE)
     ptx = compile_ptx(make_layers(STACK), signature, (9, 0))
@@ -282,21 +303,26 @@ def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
 
 
 def every_surface():
-    """Opacity, mixes, bent normals, anisotropy, vertex colours, and textures of both widths."""
+    """All materials and all that they may have, media with priorities, textures of both widths, and instances."""
     data = Texture(np.full((4, 4, 4), 128, np.uint8), srgb=False)
     metal = Conductor(roughness=data.view("g"), anisotropy=0.5, normal_map=data)
     mix = Mix(first=metal, second=Diffuse(roughness=1.0, bump_map=data), weight=data, opacity=data.view("a"))
     lamp = Diffuse(emission=Texture(np.ones((2, 2, 3))), opacity=0.5, two_sided=False)
     mesh = {"vertices": np.eye(3), "faces": [(0, 1, 2)], "uvs": np.eye(3, 2)}
     coloured = Mesh(**mesh, material=mix, colours=np.ones((3, 4)), normals=np.eye(3) + 0.1)
-    return Scene(shapes=[coloured, Mesh(**mesh, material=lamp), Sphere(material=mix), Sphere(material=lamp)])
+    principled = Principled(
+        transmission=0.5, clearcoat=1.0, sheen_color=0.5, iridescence=1.0, specular=0.5, anisotropy=0.5, roughness=data
+    )
+    glass = Dielectric(roughness=0.5, priority=1)
+    shapes = [coloured, Mesh(**mesh, material=lamp), Sphere(material=mix), Sphere(material=lamp)]
+    shapes += [Sphere(material=material) for material in (principled, glass, ThinDielectric())]
+    return Scene(shapes=[*shapes, *(Instance(coloured, transform=np.diag([s, s, s, 1])) for s in (1.0, 2.0))])
 
 
-@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
-def test_kernels_of_all_surfaces_compute_in_single_precision_and_call_nothing(wide):
+def test_kernels_of_all_surfaces_compute_in_single_precision_and_call_nothing():
     from lumipath.devices.cuda.megakernel import make_vote
 
-    signature = arguments(every_surface(), wide=wide, lights=LIGHTS)
+    signature = arguments(every_surface(), wide=True, lights=LIGHTS, clamp_indirect=1.0, regularize=True)
     ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*signature, WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)

@@ -21,6 +21,7 @@ import numpy as np
 from lumipath.scene import (
     Appearance,
     Camera,
+    Conductor,
     Diffuse,
     DirectionalLight,
     Material,
@@ -30,6 +31,7 @@ from lumipath.scene import (
     Scene,
     Sphere,
     Texture,
+    ThinDielectric,
 )
 
 mitsuba.set_variant("scalar_rgb")
@@ -93,6 +95,11 @@ def surface_bsdf(material: Appearance) -> Dictionary:
 
 def bsdf(material: Material | Appearance) -> Dictionary:
     """A material of one lobe, or a surface."""
+    if isinstance(material, ThinDielectric):
+        return {"type": "thindielectric", "int_ior": material.ior, "specular_transmittance": _colour(material.tint)}
+    if isinstance(material, Conductor):
+        eta, k = (_colour(part) for part in material.index)
+        return {"type": "twosided", "bsdf": {"type": "conductor", "eta": eta, "k": k}}
     if isinstance(material, Appearance):
         return surface_bsdf(material)
     if material.is_dielectric:

@@ -40,10 +40,13 @@ def renders(
 
 
 def without_light_sampling(packed: PackedScene) -> PackedScene:
-    """The scene with lights that are found only by rays that happen to hit them, each with its full weight."""
+    """The scene with lights that are found only by rays that happen to hit them, each with its full weight.
+
+    Directional lights, which no ray can hit, go on.
+    """
     lights = packed.lights.copy()
     kinds = lights.view(np.int32)[:, 3]
-    assert np.isin(kinds, (layout.TRIANGLE_LIGHT, layout.QUADRIC_LIGHT, layout.ENVIRONMENT_LIGHT)).all()
+    assert not (kinds == layout.POINT_LIGHT).any()
     # A light that is drawn with the density 0 gives no sample.
     lights[kinds == layout.TRIANGLE_LIGHT, 7] = 0
     lights[kinds == layout.QUADRIC_LIGHT, 19] = 0

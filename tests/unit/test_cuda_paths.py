@@ -21,8 +21,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from lumipath.accel.build import build_tree
 from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
+from lumipath.accel.two_level import build_trees
 from lumipath.devices.cuda import paths, work
 from lumipath.lang import Features, i32, u32
 from lumipath.pack.scene import film_layers, pack_scene, pack_view, settings_features
@@ -49,10 +49,10 @@ session.run()
 
 packed, view = pack_scene(scene), pack_view(scene.camera(), settings)
 geometry = packed.geometry
-tree = build_tree(*geometry.bounds(), max_leaf=MAX_LEAF, block=1)
-accel, _ = gpu_tree(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=False)
+trees = build_trees(*geometry.bounds(), geometry.instancing, max_leaf=MAX_LEAF, block=1)
+accel, roots, _ = gpu_tree(trees, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=False)
 mask = packed.scene.features.mask | settings_features(settings, scene.camera())
-on_gpu = packed.scene._replace(accel=accel, features=Features(mask))
+on_gpu = packed.with_tree(accel, roots)._replace(features=Features(mask))
 
 # Two planes of sums, each with half of the samples, as for small pictures.
 film = Film(WIDTH, 2 * HEIGHT, layer_names=film_layers(settings, scene))

@@ -11,11 +11,15 @@ from lumipath.pack.scene import pack_scene
 from lumipath.scene import (
     AmbientLight,
     Camera,
+    Conductor,
     Cone,
+    Dielectric,
     DirectionalLight,
     Instance,
+    Material,
     Mesh,
     PointLight,
+    Principled,
     Scene,
     Sphere,
     Texture,
@@ -32,6 +36,9 @@ TRIANGLES = {
     "bench-cornell": 36,
     "bench-blob100k": 99_236,
     "bench-blob1m": 998_012,
+    "bench-materials-cornell": 36,
+    "bench-materials-blob100k": 99_236,
+    "bench-materials-blob1m": 998_012,
 }
 # Metres from the origin that scenes reach at most, if it is more than ten.
 LARGE = {"forest": 160}
@@ -83,8 +90,9 @@ def test_together_they_use_all_that_a_scene_can_have():
     used = 0
     for scene in scenes:
         used |= pack_scene(scene).scene.features.mask
-    # The bits of layout up to MANY_LIGHTS are those of scenes; the rest belong to settings and trees.
-    assert used == 2 * layout.MANY_LIGHTS - 1 | layout.INSTANCES
+    # The bits of layout up to MANY_LIGHTS are those of every scene; the rest belong to settings, trees and BSDFs.
+    assert used & (2 * layout.MANY_LIGHTS - 1) == 2 * layout.MANY_LIGHTS - 1
+    assert used & layout.INSTANCES
     assert {type(light) for scene in scenes for light in scene.lights} == {PointLight, DirectionalLight, AmbientLight}
     assert {camera.blades > 0 for scene in scenes for camera in scene.cameras if camera.aperture > 0} == {True, False}
 
@@ -218,6 +226,36 @@ def test_benchmark_scenes_keep_their_values():
     assert part(builtin("bench-cornell"), "lamp").material.emission == pytest.approx((18.387, 13.9873, 6.75357))
 
 
+@pytest.mark.parametrize("size", ["cornell", "blob100k"])
+def test_benchmark_scenes_of_all_materials_have_all_of_them(size):
+    scene, plain = builtin(f"bench-materials-{size}"), builtin(f"bench-{size}")
+    kinds = {type(shape.material) for shape in scene.shapes}
+    assert kinds == {Material, Principled, Conductor, Dielectric}
+    features = pack_scene(scene).scene.features.mask
+    assert features & layout.TEXTURES
+    assert features & layout.ENVIRONMENT
+    assert bool(features & layout.SMOOTH_NORMALS) == (size != "cornell")
+    for shape, before in zip(scene.shapes, plain.shapes):
+        np.testing.assert_array_equal(shape.vertices, before.vertices)
+
+
+def test_the_grid_is_over_roughness_and_metallic_and_its_glass_over_the_index():
+    balls = [shape.material for shape in builtin("material-grid").shapes if isinstance(shape, Sphere)]
+    glass = [ball.ior for ball in balls if isinstance(ball, Dielectric)]
+    assert glass == pytest.approx([1.1, 1.3, 1.5, 1.7, 1.9, 2.1, 2.3])
+    grid = {(ball.metallic, ball.roughness) for ball in balls if isinstance(ball, Principled)}
+    shares = {metallic for metallic, _ in grid}, {roughness for _, roughness in grid}
+    assert [len(share) for share in shares] == [4, 7]
+    assert all((min(share), max(share)) == (0.0, 1.0) for share in shares)
+    assert len(grid) == 28
+
+
+def test_the_studio_shows_every_part_of_the_principled_material():
+    features = pack_scene(builtin("materials")).scene.features.mask
+    for part_of_it in (layout.CLEARCOAT, layout.SHEEN, layout.IRIDESCENCE, layout.TRANSMISSION):
+        assert features & part_of_it
+
+
 BLOB_SUMS = (12071.191604, 21571.726491, 12071.191604)
 
 
@@ -281,3 +319,19 @@ class TestBounds:
 
     def test_nothing_has_no_bounds(self):
         assert scene_bounds(Scene(cameras=[Camera()])) is None
+
+
+def test_water_and_glass_overlap_without_reaching_through():
+    scene = builtin("glass-of-water")
+    glass, water = part(scene, "tumbler"), part(scene, "water")
+    for mesh in (glass, water):
+        normals, _ = face_normals_and_centres(mesh)
+        # Closed, and turned outwards: the volume is positive, and the areas of all faces cancel.
+        corners = mesh.vertices[mesh.faces].astype(np.float64)
+        assert np.einsum("ij,ij->", normals, corners[:, 0]) > 0
+        np.testing.assert_allclose(normals.sum(axis=0), 0, atol=1e-9)
+    assert glass.material.priority > water.material.priority
+    # Between the outer side of the glass and its inner one, wherever the water is.
+    assert water.vertices[:, 1].max() < glass.vertices[:, 1].max()
+    assert np.hypot(*water.vertices[:, [0, 2]].T).max() < np.hypot(*glass.vertices[:, [0, 2]].T).max() - 0.001
+    assert water.vertices[:, 1].min() > glass.vertices[:, 1].min() + 0.01

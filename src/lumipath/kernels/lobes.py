@@ -10,7 +10,8 @@ from .bsdf.mirror import mirror_direction
 from .functions import power_heuristic
 from .light_layers import light_group
 from .lights import sample_light
-from .materials import lobes_at, transmittance
+from .materials import lobes_at
+from .media import transmittance
 from .rays import SHADOW_END, Ray, no_ray, offset_point
 from .sampler import choice_numbers, dielectric_number
 from .scattered import DirectLight, Scattered

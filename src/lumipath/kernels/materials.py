@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from ..lang import Vec3, f32, i32, kernel, load, load4, struct
+from ..lang import Vec3, f32, kernel, load, load4, struct
 from ..pack.layout import (
     BLENDED_MATERIALS,
     DIELECTRICS,
     DIFFUSE,
     EMISSION,
-    EXTINCTION,
     INTERNAL_TINT,
     MATERIAL_SIZE,
     MIRROR,
     MIRRORS,
+    MIXES,
     REFLECTION_TINT,
     REFRACTION,
     VERTEX_COLOURS,
 )
-from .functions import exp_minus
 from .textures import colour_at
-from .vectors import black, white, xyz
+from .vectors import black, white
 from .vertex_colours import vertex_colour
 
 
@@ -79,7 +78,8 @@ def single_lobes(scene, s):
 @kernel(needs=BLENDED_MATERIALS, otherwise=single_lobes)
 def uncoloured_lobes(scene, s):
     """The lobes at a point of a surface, blended between the materials of the corners where they differ."""
-    if s.corner < 0:
+    # Where they do not, the surface may have a part of a mix, which is not what the corners have.
+    if (s.corner < 0) or is_of_one_material(scene, s):
         return material_lobes(scene, s.material, s.u, s.v, s.footprint)
     w1 = s.w1
     w2 = s.w2
@@ -95,6 +95,22 @@ def uncoloured_lobes(scene, s):
         a.reflection_tint * w0 + b.reflection_tint * w1 + c.reflection_tint * w2,
         a.internal_tint * w0 + b.internal_tint * w1 + c.internal_tint * w2,
     )
+
+
+@kernel
+def always_blended(scene, s):
+    """A scene without mixes, in which one material blended with itself is what it was."""
+    return False
+
+
+@kernel(needs=MIXES, otherwise=always_blended)
+def is_of_one_material(scene, s):
+    """Whether the corners of a triangle have the same material."""
+    if s.corner < 0:
+        return True
+    first = load(scene.vertex_materials, load(scene.corners, s.corner))
+    second = load(scene.vertex_materials, load(scene.corners, s.corner + 1))
+    return (first == second) & (first == load(scene.vertex_materials, load(scene.corners, s.corner + 2)))
 
 
 @kernel
@@ -139,39 +155,3 @@ def seen_emission(scene, material, corner, u, v, w1, w2, footprint):
 def emission_at(scene, material, corner, u, v, w1, w2):
     """Radiance that leaves a point, its texture as it is."""
     return seen_emission(scene, material, corner, u, v, w1, w2, 0.0)
-
-
-@kernel
-def clear(scene, medium, t):
-    """Nothing is absorbed."""
-    return white()
-
-
-@kernel(needs=DIELECTRICS, otherwise=clear)
-def transmittance(scene, medium, t):
-    """Fraction of light left after the distance t inside of material `medium`, -1 outside (Beer's law)."""
-    # What comes from infinitely far away comes from outside.
-    if (medium < 0) | (t > 1e18):
-        return white()
-    k = xyz(load4(scene.materials, medium * MATERIAL_SIZE + EXTINCTION))
-    return Vec3(exp_minus(k.x * t), exp_minus(k.y * t), exp_minus(k.z * t))
-
-
-@kernel
-def never_dielectric(scene, material):
-    """No material lets light through."""
-    return False
-
-
-@kernel(needs=DIELECTRICS, otherwise=never_dielectric)
-def is_dielectric(scene, material):
-    """Whether light goes through this material."""
-    return load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3] > 0.0
-
-
-@kernel
-def medium_beyond(scene, s, same_side, medium):
-    """The medium that a path goes on in: another one only where it passes through the surface of a dielectric."""
-    if same_side | (not is_dielectric(scene, s.material)):
-        return medium
-    return s.material if s.front else i32(-1)

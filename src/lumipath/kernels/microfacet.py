@@ -5,9 +5,13 @@ Directions are local: z is the shading normal. alpha_x and alpha_y are the rough
 
 from __future__ import annotations
 
-from ..lang import INV_PI, Vec3, inverse, kernel, sqrt
+from ..lang import INV_PI, Vec3, f32, inverse, kernel, sqrt
+from ..pack.layout import REGULARIZE
 from .functions import cos_sin_turn
 from .vectors import dot, normalize
+
+# Rougher than this by alpha, a lobe is sampled as one; below it is a mirror to any camera.
+SMOOTH_ALPHA = f32(1e-3)
 
 
 @kernel
@@ -51,9 +55,26 @@ def ggx_visible_density(wo, h, alpha_x, alpha_y):
 
 
 @kernel
+def visible_weight(wo, wi, alpha_x, alpha_y):
+    """Of the light that goes from wo to wi at facets that wo sees, the fraction that wi sees as well.
+
+    Masking and shadowing go together, since both grow with the height of a facet (Heitz 2014, section 6).
+    """
+    facing = 1.0 + ggx_lambda(wo, alpha_x, alpha_y)
+    return facing * inverse(facing + ggx_lambda(wi, alpha_x, alpha_y))
+
+
+@kernel
 def reflected(w, h):
     """W mirrored at a microfacet with the normal h."""
     return h * (2.0 * dot(w, h)) - w
+
+
+@kernel
+def refracted(w, h, through, eta):
+    """W refracted at a microfacet with the normal h; `through` from `fresnel.refracted_cosine` (pbrt, 9.3.2)."""
+    scale = inverse(eta)
+    return h * (dot(w, h) * scale - through) - w * scale
 
 
 @kernel
@@ -62,3 +83,21 @@ def anisotropic_alphas(roughness, anisotropy):
     alpha = roughness * roughness
     aspect = sqrt(1.0 - 0.9 * anisotropy)
     return max(alpha / aspect, 1e-4), max(alpha * aspect, 1e-4)
+
+
+@kernel
+def as_they_are(scene, alpha_x, alpha_y, blurred):
+    """The roughness of the surface."""
+    return alpha_x, alpha_y
+
+
+@kernel(needs=REGULARIZE, otherwise=as_they_are)
+def regularized(scene, alpha_x, alpha_y, blurred):
+    """At least a little roughness where the path is blurred already, so that lamps can be sampled (pbrt, 10.1.2)."""
+    return raised(alpha_x, blurred), raised(alpha_y, blurred)
+
+
+@kernel
+def raised(alpha, blurred):
+    """Alpha, at least 0.1 and twice as much up to 0.3."""
+    return min(max(2.0 * alpha, 0.1), 0.3) if blurred & (alpha < 0.3) else alpha

@@ -6,14 +6,23 @@ Schedulers trace a path's ray, call `shade`, trace the shadow ray that it asks f
 from __future__ import annotations
 
 from ..lang import Vec3, f32, i32, inverse, kernel, struct
-from ..pack.layout import ROULETTE, SIGNED_FILTER
+from ..pack.layout import CLAMP_INDIRECT, ROULETTE, SIGNED_FILTER
 from .camera import camera_sample
 from .environment import environment_from
 from .footprints import shading_surface
 from .functions import power_heuristic
 from .light_layers import emitter_group
 from .lights import emitter_pdf
-from .materials import is_dielectric, medium_beyond, seen_emission, transmittance
+from .materials import seen_emission
+from .media import (
+    has_inside,
+    is_overruled,
+    medium_before,
+    medium_beyond,
+    medium_past,
+    scattered_times,
+    transmittance,
+)
 from .mixes import emitting_material
 from .rays import Ray, endless_ray, no_ray, offset_point
 from .sampler import choice_numbers
@@ -73,11 +82,9 @@ def strategy_weight(pdf, other):
 
 
 @kernel
-def escaped(scene, path):
-    """Nothing was hit: the environment's light."""
-    seen = environment_from(scene, path.ray.d)
-    weight = strategy_weight(path.pdf, seen.pdf * scene.environment_probability)
-    return finish(path, path.throughput * seen.radiance * weight, emitter_group(scene, i32(-1)))
+def as_it_is(scene, view, radiance, bounces):
+    """Light of any strength."""
+    return radiance
 
 
 @kernel
@@ -90,6 +97,25 @@ def largest(scene, throughput):
 def strength(scene, throughput):
     """How much a path can still bring: its largest component, whatever the sign of its sample."""
     return max_abs_component(throughput)
+
+
+@kernel(needs=CLAMP_INDIRECT, otherwise=as_it_is)
+def limited(scene, view, radiance, bounces):
+    """Light that was scattered at another surface than the one that is seen, at most as bright as wanted."""
+    brightest = strength(scene, radiance)
+    excessive = (bounces > 0) & (brightest > view.clamp_indirect)
+    return radiance * (view.clamp_indirect / brightest) if excessive else radiance
+
+
+@kernel
+def escaped(scene, view, path):
+    """Nothing was hit: the environment's light."""
+    seen = environment_from(scene, path.ray.d)
+    weight = strategy_weight(path.pdf, seen.pdf * scene.environment_probability)
+    emitted = path.throughput * seen.radiance * weight
+    return finish(
+        path, limited(scene, view, emitted, i32(scattered_times(scene, path) - 1)), emitter_group(scene, i32(-1))
+    )
 
 
 @kernel
@@ -109,6 +135,16 @@ def roulette_weight(scene, view, throughput, depth, pixel, sample):
 
 
 @kernel
+def pass_by(scene, path, s, hit, medium, throughput):
+    """Go on as if the surface were not there."""
+    ray = endless_ray(offset_point(s.p, -s.n, hit.t, s.reach), path.ray.d)
+    # Shadow rays stop at the surface, so what lies behind it is found in no other way.
+    beyond = medium_past(scene, s, medium)
+    onward = Path(ray, throughput, 0.0, i32(path.depth + 1), beyond, strength(scene, throughput) > 0.0)
+    return Step(onward, black(), no_ray(), black(), i32(0), i32(0))
+
+
+@kernel
 def shade(scene, view, path, hit, numbers, pixel, sample):
     """One step of a path whose ray has hit something or nothing.
 
@@ -122,24 +158,29 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
         sample: number of the sample in the pixel.
     """
     if hit.primitive < 0:
-        return escaped(scene, path)
+        return escaped(scene, view, path)
     ray = path.ray
     s = shading_surface(scene, view, path, hit, pixel, sample)
     # Arriving at the back of a dielectric means having been inside, whatever the path remembers.
-    behind = is_dielectric(scene, s.material) & (not s.front)
-    medium = s.material if behind else path.medium
+    behind = has_inside(scene, s.material) & (not s.front)
+    medium = medium_before(scene, s, path.medium)
     throughput = path.throughput * transmittance(scene, medium, hit.t)
+
+    if is_overruled(scene, s, medium):
+        return pass_by(scene, path, s, hit, medium, throughput)
 
     # Emission of what was hit.
     emitted = black()
-    emitting = emitting_material(scene, s, hit.primitive)
+    emitting = emitting_material(scene, s, hit)
     emitter = emitter_group(scene, emitting)
     # Light sampling sees textures as they are, so whatever competes with it must, too.
     footprint = s.footprint if path.depth == 0 else f32(0.0)
     radiance = seen_emission(scene, emitting, s.corner, s.u, s.v, s.w1, s.w2, footprint)
     if max_component(radiance) > 0.0:
         emitted = throughput * radiance * strategy_weight(path.pdf, emitter_pdf(scene, ray, hit, s))
-    if path.depth >= view.max_depth:
+    times = scattered_times(scene, path)
+    emitted = limited(scene, view, emitted, i32(times - 1))
+    if times >= view.max_depth:
         return finish(path, emitted, emitter)
 
     # Direct light, and the next direction.
@@ -154,4 +195,5 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     beyond = medium_beyond(scene, s, outside, medium)
     next_ray = endless_ray(leaving, onward.direction)
     gone = Path(next_ray, throughput * roulette, onward.pdf, depth, beyond, alive)
-    return Step(gone, emitted, onward.shadow, onward.direct, emitter, onward.light)
+    direct = limited(scene, view, onward.direct, times)
+    return Step(gone, emitted, onward.shadow, direct, emitter, onward.light)

@@ -14,7 +14,7 @@ from .functions import power_heuristic
 from .light_layers import light_group
 from .lights import no_light, sample_light
 from .lobes import scatter_at_lobes
-from .materials import medium_beyond, transmittance
+from .media import index_beyond, medium_beyond, transmittance
 from .rays import SHADOW_END, Ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scattered import DirectLight, Scattered
@@ -67,7 +67,10 @@ def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
     light, number = light_at(scene, view, path, s, pixel, sample, numbers)
     wi = to_local(frame, light.direction)
     choice = choice_numbers(scene, pixel, sample, view.seed, path.depth).b
-    answer = response(scene, s, kind, Question(to_local(frame, -path.ray.d), wi, numbers.c, numbers.d, choice))
+    wo = to_local(frame, -path.ray.d)
+    eta = index_beyond(scene, s, path.medium)
+    question = Question(wo, wi, numbers.c, numbers.d, choice, eta, path.pdf > 0.0)
+    answer = response(scene, s, kind, question)
     # What is above the shading normal's horizon and below the true surface, or the other way round, carries nothing.
     reaches = (light.pdf > 0.0) & (max_component(answer.value.f) > 0.0) & (wi.z * dot(s.n, light.direction) > 0.0)
     direct = unshadowed_light(scene, path, s, light, number, answer.value) if reaches else no_direct_light()

@@ -67,12 +67,26 @@ OPACITY = 1 << 54
 NORMAL_MAPS = 1 << 55
 ANISOTROPY = 1 << 56
 VERTEX_COLOURS = 1 << 58
+# Media have priorities: a path is in several at once.
+NESTED = 1 << 57
+# Settings against fireflies.
+CLAMP_INDIRECT = 1 << 59
+REGULARIZE = 1 << 60
+# Parts of the principled material.
+CLEARCOAT = 1 << 61
+SHEEN = 1 << 62
+IRIDESCENCE = 1 << 63
+TRANSMISSION = 1 << 64
+SPECULAR = 1 << 65  # dielectrics reflect otherwise than their index says
 
 # Samples of a pixel are spread by a table, not evenly over its square; some count negatively.
 FILTER = 1 << 45
 SIGNED_FILTER = 1 << 46
 
+MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
+"""Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
+PRINCIPLED_PARTS = CLEARCOAT | SHEEN | IRIDESCENCE | TRANSMISSION | SPECULAR
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 TANGENTS = TEXTURES | NORMAL_MAPS | ANISOTROPY
@@ -104,18 +118,34 @@ MATERIAL_SIZE = i32(28)
 DIFFUSE = i32(0)  # albedo rgb
 EMISSION = i32(4)  # radiance rgb
 MIRROR = i32(8)  # weight rgb
-EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 1 for a dielectric, else 0
+EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 0 where no light goes through, or
 REFLECTION_TINT = i32(16)  # of Fresnel reflection, rgb
 INTERNAL_TINT = i32(20)  # of total internal reflection, rgb
-REFRACTION = i32(24)  # index of refraction, mean transmissive weight, unused, unused
+REFRACTION = i32(24)  # index of refraction, mean transmissive weight, with NESTED its medium as bits, unused
+VEILED_BODY = f32(0.5)  # as BODY, but so little light goes through that only paths take notice
+BODY = f32(1)  # light goes through it into an inside
+SHEET = f32(2)  # light goes through it and comes out again
 
 # ---- BSDFs: 80 floats. Their head is the kind as bits, three unused; then slots of 4. A colour is a factor rgb and the
 #      number of a texture as bits, -1 for none; a number is a factor, two unused, and its texture
 BSDF_SIZE = i32(80)
-BSDF_COLOUR = i32(4)  # albedo, base colour, or reflectance of a metal
-BSDF_EDGE = i32(8)  # metal: k, or its reflectance at 82 degrees relative to Schlick's
+BSDF_COLOUR = i32(4)  # albedo, base colour, reflectance or eta of a metal, or tint of what glass transmits
+BSDF_EDGE = i32(8)  # metal: k, or its reflectance at 82 degrees relative to Schlick's; glass: tint of reflection
 BSDF_ROUGHNESS = i32(12)
 BSDF_ANISOTROPY = i32(16)  # strength, rotation (turns), unused, unused
+BSDF_REFRACTION = i32(20)  # index of refraction; as bits its table of energy from outside, the next is from inside;
+#      of the principled material also 1 for thin walls or 0, and the reflectance face to face
+# Of the principled material only.
+BSDF_METALLIC = i32(24)
+BSDF_TRANSMISSION = i32(28)
+BSDF_SPECULAR = i32(32)
+BSDF_SPECULAR_COLOUR = i32(36)
+BSDF_CLEARCOAT = i32(40)
+BSDF_CLEARCOAT_ROUGHNESS = i32(44)
+BSDF_SHEEN = i32(48)  # colour
+BSDF_SHEEN_ROUGHNESS = i32(52)
+BSDF_IRIDESCENCE = i32(56)
+BSDF_FILM = i32(60)  # a number: thickness, nm; and in the first unused place the film's index of refraction
 
 # Kinds. LOBES: the record in `materials` is all there is.
 LOBES_KIND = i32(0)
@@ -131,6 +161,20 @@ MAP_SIZE = i32(16)
 MAP_OPACITY = i32(0)  # opacity, its cutoff (-1: none), unused, texture
 MAP_NORMALS = i32(4)  # scale of the normal map, metres of the bump map, texture of normals, texture of heights
 MAP_MIX = i32(8)  # weight of the second part, numbers of both parts as bits (-1: no mix), texture of the weight
+
+# ---- media, with NESTED: 8 floats: extinction rgb (1/m), priority; index of refraction, three unused
+MEDIUM_SIZE = i32(8)
+MOST_MEDIA = 126  # 7 bits each, one of them for none
+NO_PRIORITY = f32(1e37)  # whatever is above it stands for none
+
+# ---- energy: tables of directional albedos, of `pack/energy.py`. A table has 32 rows of roughness with 32 cells
+#      of cosine, and then the mean of each row over the hemisphere
+ENERGY_SIDE = i32(32)
+ENERGY_TABLE = i32(32 * 33)
+ENERGY_WHITE = i32(0)  # of white facets
+ENERGY_SCHLICK = i32(1)  # of facets with Schlick's weight, less that weight at the cosine times the white; full means
+ENERGY_SHEEN = i32(2)  # of white fibres
+ENERGY_INDICES = i32(3)  # from here on two for each index of refraction: from outside and from inside
 
 # ---- what only Whitted ray tracing needs to know of materials: 16 floats. Colours as above --------------------------
 PHONG_SIZE = i32(16)
@@ -210,6 +254,8 @@ class PackedScene(NamedTuple):
     bsdfs: NDArray[Any]  # (M, 80) float32; empty without BSDFS
     maps: NDArray[Any]  # (M, 16) float32; empty without MAPS
     vertex_colours: NDArray[Any]  # (V, 4) float32; empty without VERTEX_COLOURS
+    energy: NDArray[Any]  # (E, 1056) float32; empty without MICROFACETS
+    media: NDArray[Any]  # (D, 8) float32; empty without NESTED
     textures: NDArray[Any]  # (N, 16) float32
     texels: NDArray[Any]  # (., 4) float32
     texel_words: NDArray[Any]  # (.,) int32
@@ -259,6 +305,7 @@ class View(NamedTuple):
     max_depth: i32
     rr_depth: i32
     ao_distance: f32  # metres; 0: follows from the scene's extent
+    clamp_indirect: f32  # W/(m^2 sr); for CLAMP_INDIRECT
 
 
 TILE = i32(16)

@@ -8,23 +8,29 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SceneError
 from ..scene import Appearance, Material, Mix, Texture
 from ..scene.material import is_positive
 from . import layout
 from .bsdfs import BsdfRow, write_bsdf
+from .energy import EnergyTables
 from .maps import map_rows
 from .textures import TextureTable
 
 # Stands for a transmissive part of 0: whatever enters is gone within the shortest stretch.
 _OPAQUE = 1e20
+# Priority of a medium that has none: above all others.
+_FIRST = 1e38
 
 
 class MaterialTable:
     """Collects materials, each once, and the textures that they use."""
 
-    def __init__(self) -> None:
+    def __init__(self, regularize: bool = False) -> None:
+        self._regularize = regularize
         self.materials: list[Material | Appearance] = []
         self.textures = TextureTable()
+        self.energy = EnergyTables()
         self._numbers: dict[int, int] = {}
 
     def number(self, material: Material | Appearance) -> int:
@@ -54,9 +60,44 @@ class MaterialTable:
     def rows(self) -> NDArray[np.float32]:
         """(M, 28) float32: the records of all materials."""
         table = np.zeros((len(self.materials), int(layout.MATERIAL_SIZE)), np.float32)
-        for row, material in zip(table, self.lobes()):
+        for row, material, appearance in zip(table, self.lobes(), self.materials):
             self._write_row(row, material)
+            if isinstance(appearance, Appearance):
+                self._write_inside(row, appearance, material.is_dielectric)
         return table
+
+    def _write_inside(self, row: NDArray[np.float32], material: Appearance, is_glass: bool) -> None:
+        if is_glass:
+            row[layout.REFRACTION + 1] = 1.0
+            row[layout.EXTINCTION + 3] = layout.SHEET
+        if material.inside is not None:
+            row[layout.EXTINCTION : layout.EXTINCTION + 3] = material.inside.extinction
+            row[layout.EXTINCTION + 3] = layout.BODY if is_glass else layout.VEILED_BODY
+
+    def media(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(D, 8) float32: the media of dielectrics, where any has a priority; their numbers are written into `rows`.
+
+        Raises:
+            SceneError: more media than can be numbered.
+        """
+        if all(getattr(material, "priority", None) is None for material in self.materials):
+            return np.zeros((0, int(layout.MEDIUM_SIZE)), np.float32)
+        # Equal media have one number, so that parts of a mix lead into the same one.
+        found: dict[tuple[float, ...], int] = {}
+        for row, material in zip(rows, self.materials):
+            number = -1
+            if 0 < row[layout.EXTINCTION + 3] < layout.SHEET and not isinstance(material, Mix):
+                priority = getattr(material, "priority", None)
+                extinction = row[layout.EXTINCTION : layout.EXTINCTION + 3].tolist()
+                medium = (*extinction, _FIRST if priority is None else priority, float(row[layout.REFRACTION]), 0, 0, 0)
+                number = found.setdefault(medium, len(found))
+            row.view(np.int32)[layout.REFRACTION + 2] = number
+        if len(found) > layout.MOST_MEDIA:
+            raise SceneError(
+                f"{len(found)} media of dielectrics, of which some have a priority: at most {layout.MOST_MEDIA} are"
+                " possible"
+            )
+        return np.array(list(found), np.float32)
 
     def lobes(self) -> list[Material]:
         """The sum of lobes of each material, or the one that stands for it."""
@@ -73,7 +114,7 @@ class MaterialTable:
         features = 0
         for row, material in zip(table, self.materials):
             if isinstance(material, Appearance):
-                features |= write_bsdf(BsdfRow(row, self.textures.number), material)
+                features |= write_bsdf(BsdfRow(row, self.textures.number, self.energy, self._regularize), material)
         return (table if features & layout.BSDFS else table[:0]), features
 
     def map_rows(self) -> tuple[NDArray[np.float32], int]:
@@ -120,6 +161,8 @@ class MaterialTable:
     def features(self) -> int:
         """Feature bits of the materials; call after all rows."""
         mask = layout.TEXTURES if len(self.textures) else 0
+        if any(isinstance(material, Appearance) and material.inside for material in self.materials):
+            mask |= layout.DIELECTRICS
         for material in self.lobes():
             if material.is_dielectric:
                 mask |= layout.DIELECTRICS

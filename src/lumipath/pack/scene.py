@@ -46,13 +46,17 @@ class Packed:
         return self.scene._replace(accel=accel, instances=instances)
 
 
-def pack_scene(scene: Scene) -> Packed:
+def pack_scene(scene: Scene, *, regularize: bool = False) -> Packed:
     """Flatten a scene. The tree is left out: each kind of device has its own.
+
+    Args:
+        scene: what to render.
+        regularize: whether clear glass may grow rough, as the setting of that name wants.
 
     Raises:
         SceneError: more primitives or materials than can be numbered.
     """
-    table = MaterialTable()
+    table = MaterialTable(regularize)
     geometry = flatten(scene, table)
     primitives = len(geometry.faces) + len(geometry.quadrics)
     if primitives >= _MAX_PRIMITIVES:
@@ -77,6 +81,8 @@ def pack_scene(scene: Scene) -> Packed:
         raise SceneError(
             f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible"
         )
+    media = table.media(rows)
+    features |= layout.NESTED if len(media) else 0
     textures, texels, texel_words = table.textures.arrays()
     has_vertex_data = bool(features & layout.VERTEX_DATA)
     corners = np.zeros((len(geometry.faces) if has_vertex_data else 0, 4), np.int32)
@@ -103,6 +109,8 @@ def pack_scene(scene: Scene) -> Packed:
         vertex_colours=aligned(
             geometry.vertex_colours if features & layout.VERTEX_COLOURS else np.zeros((0, 4), np.float32)
         ),
+        media=aligned(media),
+        energy=aligned(table.energy.rows(features)),
         textures=aligned(textures),
         texels=aligned(texels),
         texel_words=aligned(texel_words),
@@ -154,11 +162,17 @@ _INTEGRATORS = {
 }
 
 
+# Only paths carry several media and ask BSDFs; all else sees sums of lobes.
+_OF_PATHS = layout.NESTED | layout.BSDFS | layout.PRINCIPLED_PARTS
+
+
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it samples no lights."""
     surfaces_only = scene & ~(layout.ANY_LIGHT | layout.MANY_LIGHTS) | scene & layout.ENVIRONMENT
     # Means over the positive part of a filter only: no albedo beyond 1, no depth by a division by almost 0.
     mask = surfaces_only | layout.LAYERS | camera_features(settings, camera, signed=False)
+    # What is rough is not looked through; whatever kind it is of.
+    mask = mask & ~_OF_PATHS | (layout.CONDUCTORS if mask & layout.MICROFACETS else 0)
     return mask | (layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0)
 
 
@@ -183,6 +197,12 @@ def film_layers(settings: RenderSettings, scene: Scene) -> tuple[str, ...]:
     return (*names, "variance") if mask & layout.VARIANCE else names
 
 
+def image_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
+    """Feature bits of a render of a scene whose own bits are `scene`."""
+    mask = scene | settings_features(settings, camera)
+    return mask & ~_OF_PATHS if mask & layout.PIXEL_INTEGRATORS else mask
+
+
 def settings_features(settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the settings."""
     shows_light = settings.integrator in ("path", "whitted")
@@ -193,6 +213,8 @@ def settings_features(settings: RenderSettings, camera: Camera) -> int:
         return mask
     mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0
     mask |= layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0
+    mask |= layout.CLAMP_INDIRECT if settings.clamp_indirect is not None else 0
+    mask |= layout.REGULARIZE if settings.regularize else 0
     mask |= layout.ROULETTE if settings.rr_depth is not None and settings.rr_depth < settings.max_depth else 0
     return mask
 
@@ -225,4 +247,5 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
         max_depth=i32(max_depth),
         rr_depth=i32(settings.rr_depth if settings.rr_depth is not None else 1 << 30),
         ao_distance=f32(settings.ao_distance or 0.0),
+        clamp_indirect=f32(settings.clamp_indirect or 0.0),
     )

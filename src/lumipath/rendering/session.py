@@ -17,7 +17,7 @@ from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarnin
 from ..lang import Features, u32
 from ..pack import layout
 from ..pack.camera import camera_features, camera_of
-from ..pack.scene import Packed, film_layers, layer_features, pack_scene, pack_view, settings_features
+from ..pack.scene import Packed, film_layers, image_features, layer_features, pack_scene, pack_view
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
@@ -143,9 +143,9 @@ class Session:
     def _prepare(self, camera: Camera) -> None:
         """Bring the scene to the device, and compile the kernels for what it uses."""
         start = time.perf_counter()
-        host = pack_scene(self.scene)
+        host = pack_scene(self.scene, regularize=self.settings.regularize)
         packed = self.device.upload(host)
-        features = packed.features.mask | settings_features(self.settings, camera)
+        features = image_features(packed.features.mask, self.settings, camera)
         if self.settings.focus_on is not None:
             focus = self._distance_of(self.settings.focus_on, host, packed, camera)
             self._view = pack_view(camera, attrs.evolve(self.settings, focus=focus, focus_on=None))

@@ -1,12 +1,13 @@
 """What a scene is, in world units, validated; knows nothing of files or rendering."""
 
-from .bsdfs import AnyMaterial, Appearance, Conductor, Diffuse
+from .bsdfs import AnyMaterial, Appearance, Conductor, Dielectric, Diffuse, ThinDielectric
 from .camera import Camera
 from .digest import scene_digest
 from .instances import Group, Instance, materials_of
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
 from .material import Material
 from .mix import Mix
+from .principled import Principled
 from .scene import Scene
 from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_normals, transform_mesh
 from .textures import Checker, Texture
@@ -21,6 +22,7 @@ __all__ = [
     "Conductor",
     "Cone",
     "Cylinder",
+    "Dielectric",
     "Diffuse",
     "DirectionalLight",
     "Environment",
@@ -31,11 +33,13 @@ __all__ = [
     "Mesh",
     "Mix",
     "PointLight",
+    "Principled",
     "Scene",
     "Shape",
     "Sphere",
     "Square",
     "Texture",
+    "ThinDielectric",
     "materials_of",
     "scene_digest",
     "smooth_normals",

@@ -59,6 +59,20 @@ def checked_flag(owner: Any, attribute: Any, value: Any) -> None:
         raise SceneError(f"{_where(owner)}: {attribute.name} is {value!r}: it must be True or False")
 
 
+def _checked_priority(owner: Any, attribute: Any, value: Any) -> None:
+    if value is not None and (type(value) is not int or not -1000 <= value <= 1000):
+        raise SceneError(f"{_where(owner)}: priority is {value!r}: it must be a whole number from -1000 to 1000")
+
+
+@frozen
+class Inside:
+    """The medium that a surface encloses: index of refraction, absorption (1/m), and priority where bodies overlap."""
+
+    ior: float
+    extinction: Colour
+    priority: int | None = None
+
+
 @frozen(eq=False, kw_only=True)
 class Appearance:
     """What all materials of this page have in common.
@@ -123,6 +137,11 @@ class Appearance:
     def is_plain(self) -> bool:
         """Whether `as_lobes` is this very material, rather than what stands for it where lobes are all there is."""
         return False
+
+    @property
+    def inside(self) -> Inside | None:
+        """What light that goes through comes into; None for surfaces that enclose no other medium."""
+        return None
 
     def as_lobes(self) -> Material:
         """The sum-of-lobes material nearest to this one: what Whitted ray tracing and looks at albedo see."""
@@ -230,9 +249,92 @@ def checked_material(value: Any) -> AnyMaterial:
     return value
 
 
-def extinction_of(tint: Colour, distance: float) -> Colour:
-    """Transmissive colour per metre of a medium that leaves `tint` after `distance` metres."""
+@frozen(eq=False, kw_only=True)
+class Dielectric(Appearance):
+    """Glass, water, plastic without pigment: a surface that reflects and refracts, around a medium that absorbs.
+
+    Args:
+        ior: index of refraction of the inside relative to the outside.
+        roughness: 0 is clear glass, 1 ground as coarsely as can be; its square is the alpha of GGX.
+        anisotropy: from 0 to 1: how far highlights are drawn out along the u direction of the texture coordinates.
+        rotation: of that direction, degrees counter-clockwise.
+        reflection_tint: what reflected light is multiplied by; white in nature.
+        transmission_tint: what light is multiplied by each time it passes the surface.
+        attenuation_color: what is left of white light after `attenuation_distance` inside.
+        attenuation_distance: metres; infinite for a medium that absorbs nothing.
+        priority: where dielectrics overlap, the one with the highest priority is there, and surfaces of others are not
+            (Schmidt and Budge 2002); `ior` is then relative to vacuum. None: above all others, and `ior` is relative to
+            whatever is around.
+    """
+
+    ior: float = field(default=1.5, validator=checked_number(0.1, 10.0))
+    roughness: Number = field(default=0.0, validator=checked_share)
+    anisotropy: float = field(default=0.0, validator=checked_number(0.0, 1.0))
+    rotation: float = field(default=0.0, validator=checked_number(-360.0, 360.0))
+    reflection_tint: Colour | Texture = WHITE
+    transmission_tint: Colour | Texture = WHITE
+    attenuation_color: Colour = WHITE
+    attenuation_distance: float = field(default=math.inf, validator=checked_number(1e-9, math.inf))
+    priority: int | None = field(default=None, validator=_checked_priority)
+
+    _limits: ClassVar[dict[str, float]] = Appearance._limits | {
+        "reflection_tint": 1.0,
+        "transmission_tint": 1.0,
+        "attenuation_color": 1.0,
+    }
+
+    @property
+    def is_dielectric(self) -> bool:
+        """Whether light goes through to an inside that absorbs or refracts."""
+        return True
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is clear, without a tint of its surface, and refracts as it does alone."""
+        is_white = self.reflection_tint == WHITE and self.transmission_tint == WHITE
+        return self.roughness == 0 and is_white and self.priority is None
+
+    @property
+    def inside(self) -> Inside:
+        """What it is made of."""
+        return Inside(self.ior, absorption_of(self.attenuation_color, self.attenuation_distance), self.priority)
+
+    def as_lobes(self) -> Material:
+        """Clear glass of the same index and medium."""
+        left = left_after_a_metre(self.inside)
+        return Material(transmissive=left, index=self.ior, emission=self.emission, name=self.name)
+
+
+@frozen(eq=False, kw_only=True)
+class ThinDielectric(Appearance):
+    """A sheet of glass with no inside to speak of: a window pane, a soap bubble. Light goes straight through.
+
+    Args:
+        ior: index of refraction of the sheet.
+        tint: what light that goes through is multiplied by.
+        roughness: 0 is clear; both reflected and transmitted light are spread by GGX of its square.
+    """
+
+    ior: float = field(default=1.5, validator=checked_number(1.0, 10.0))
+    tint: Colour | Texture = WHITE
+    roughness: Number = field(default=0.0, validator=checked_share)
+
+    _limits: ClassVar[dict[str, float]] = Appearance._limits | {"tint": 1.0}
+
+    def as_lobes(self) -> Material:
+        """A surface that is hardly there."""
+        return Material(transmissive=WHITE, index=1.0, emission=self.emission, name=self.name)
+
+
+def left_after_a_metre(inside: Inside) -> Colour:
+    """Transmissive colour of a medium: above 0 even where nothing is left, which `Inside.extinction` tells exactly."""
+    r, g, b = (max(math.exp(-part), 1e-30) for part in inside.extinction)
+    return (r, g, b)
+
+
+def absorption_of(tint: Colour, distance: float) -> Colour:
+    """Extinction, 1/m, of a medium that leaves `tint` of white light after `distance` metres."""
     if math.isinf(distance):
-        return WHITE
-    r, g, b = (max(part, 1e-20) ** (1 / distance) for part in tint)
+        return BLACK
+    r, g, b = (-math.log(max(part, 1e-20)) / distance for part in tint)
     return (r, g, b)

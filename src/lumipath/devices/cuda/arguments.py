@@ -36,7 +36,7 @@ VIEW_TYPE = types.NamedTuple(
         *([types.int32] * 6),
         *([types.uint32] * 2),
         *([types.int32] * 2),
-        types.float32,
+        *([types.float32] * 2),
     ),
     View,
 )

@@ -2,40 +2,58 @@
 
 from __future__ import annotations
 
-from ...lang import Vec3, f32, inverse, kernel, struct
+from ...lang import Vec3, f32, kernel, struct
 from ...pack.layout import BSDF_ANISOTROPY, BSDF_COLOUR, BSDF_EDGE, BSDF_ROUGHNESS, MEASURED_METAL_KIND
+from ..energy import energy_compensation
 from ..fresnel import conductor_reflectance, tinted_reflectance
-from ..microfacet import anisotropic_alphas, ggx_density, ggx_lambda, ggx_visible_normal, reflected
-from ..vectors import dot, normalize
+from ..microfacet import (
+    SMOOTH_ALPHA,
+    anisotropic_alphas,
+    ggx_density,
+    ggx_lambda,
+    ggx_visible_normal,
+    reflected,
+    regularized,
+    visible_weight,
+)
+from ..vectors import dot, normalize, white
 from .mirror import mirror_direction
 from .values import BsdfSample, BsdfValue, base_colour_slot, colour_slot, no_sample, no_value, number_slot, slot
-
-# Rougher than this by alpha, a lobe is sampled as one; below it is a mirror to any camera.
-SMOOTH_ALPHA = f32(1e-3)
 
 
 @struct
 class Metal:
-    """Eta and k where it was measured, else the reflectance face to face and its tint at the edge; and alphas."""
+    """Eta and k where it was measured, else the reflectance face to face and its tint at the edge; and alphas.
+
+    boost: what light that goes from facet to facet adds, as a factor.
+    """
 
     measured: bool
     first: Vec3
     second: Vec3
     alpha_x: f32
     alpha_y: f32
+    boost: Vec3
 
 
 @kernel
-def metal_at(scene, s, kind):
-    """The parameters at a point of a surface."""
+def metal_at(scene, s, kind, q):
+    """The parameters at a point of a surface, for a question."""
     alpha_x, alpha_y = anisotropic_alphas(
         number_slot(scene, s, BSDF_ROUGHNESS), slot(scene, s.material, BSDF_ANISOTROPY)[0]
     )
+    alpha_x, alpha_y = regularized(scene, alpha_x, alpha_y, q.blurred)
     # An index of refraction is no colour.
     measured = kind == MEASURED_METAL_KIND
     first = colour_slot(scene, s, BSDF_COLOUR) if measured else base_colour_slot(scene, s)
     second = colour_slot(scene, s, BSDF_EDGE)
-    return Metal(measured, first, second, alpha_x, alpha_y)
+    m = Metal(measured, first, second, alpha_x, alpha_y, white())
+    if is_smooth(m):
+        return m
+    # The average over the hemisphere by two points, exact for cubics (Gauss's quadrature with the weight 2 cos).
+    average = metal_reflectance(m, f32(0.35505103)) * 0.36391723 + metal_reflectance(m, f32(0.84494897)) * 0.63608277
+    boost = energy_compensation(scene, q.wo.z, alpha_x, alpha_y, average)
+    return Metal(measured, first, second, alpha_x, alpha_y, boost)
 
 
 @kernel
@@ -57,17 +75,20 @@ def is_smooth(m):
 
 
 @kernel
+def reflection_density(m, wo, h):
+    """Density of reflecting at the facet h that wo sees."""
+    return ggx_density(h, m.alpha_x, m.alpha_y) / (4.0 * wo.z * (1.0 + ggx_lambda(wo, m.alpha_x, m.alpha_y)))
+
+
+@kernel
 def eval_metal(m, wo, wi):
     """F times cosine, and density; wo.z > 0."""
     if (wi.z <= 0.0) | is_smooth(m):
         return no_value()
     h = normalize(wo + wi)
-    facing_o = ggx_lambda(wo, m.alpha_x, m.alpha_y)
-    facing_i = ggx_lambda(wi, m.alpha_x, m.alpha_y)
-    k = ggx_density(h, m.alpha_x, m.alpha_y) / (4.0 * wo.z)
-    # Masking and shadowing go together, since both grow with the height of a facet (Heitz 2014, section 6).
-    f = metal_reflectance(m, dot(wo, h)) * (k * inverse(1.0 + facing_o + facing_i))
-    return BsdfValue(f, k * inverse(1.0 + facing_o))
+    pdf = reflection_density(m, wo, h)
+    weight = visible_weight(wo, wi, m.alpha_x, m.alpha_y)
+    return BsdfValue(m.boost * metal_reflectance(m, dot(wo, h)) * (weight * pdf), pdf)
 
 
 @kernel
@@ -79,8 +100,5 @@ def sample_metal(m, wo, u, v):
     wi = reflected(wo, h)
     if wi.z <= 0.0:
         return no_sample()
-    facing_o = ggx_lambda(wo, m.alpha_x, m.alpha_y)
-    facing_i = ggx_lambda(wi, m.alpha_x, m.alpha_y)
-    pdf = ggx_density(h, m.alpha_x, m.alpha_y) / (4.0 * wo.z * (1.0 + facing_o))
-    weight = metal_reflectance(m, dot(wo, h)) * ((1.0 + facing_o) / (1.0 + facing_o + facing_i))
-    return BsdfSample(wi, weight, pdf)
+    weight = m.boost * metal_reflectance(m, dot(wo, h)) * visible_weight(wo, wi, m.alpha_x, m.alpha_y)
+    return BsdfSample(wi, weight, reflection_density(m, wo, h))
