@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Cone, Material, Mesh, Scene, Shape, Texture
+from ..scene import Cone, Environment, Material, Mesh, Scene, Shape, Sky, Texture
 
 # Triangle record, its share of the tree's nodes, and the vertex data that shading reads.
 _BYTES_PER_TRIANGLE = 160
@@ -33,7 +33,7 @@ def summarise(scene: Scene) -> dict[str, Any]:
         "cameras": [camera.name or str(index) for index, camera in enumerate(scene.cameras)],
         "materials": len(materials),
         "textures": len(textures),
-        "environment": None if environment is None else _environment(environment.name, environment.image.shape),
+        "environment": None if environment is None else _environment(environment),
         "bounds": None if bounds is None else {"min": bounds[0].tolist(), "max": bounds[1].tolist()},
         "memory_bytes": memory_estimate(scene, list(textures.values())),
     }
@@ -69,7 +69,7 @@ def _disc_bounds(linear: NDArray[np.float64], centre: NDArray[np.float64], radiu
 def memory_estimate(scene: Scene, textures: list[Texture]) -> int:
     """About how many bytes the scene takes while it is rendered, without the film."""
     images = sum(texture.image.nbytes for texture in textures)
-    environment = scene.environment.image.nbytes if scene.environment is not None else 0
+    environment = scene.environment.image.nbytes if isinstance(scene.environment, Environment) else 0
     return math.ceil(scene.triangle_count * _BYTES_PER_TRIANGLE + images + environment)
 
 
@@ -96,5 +96,8 @@ def _emits(shape: Shape) -> bool:
     return any(material.is_emissive for material in _shape_materials(shape))
 
 
-def _environment(name: str, shape: tuple[int, ...]) -> str:
-    return f"{name or 'image'}, {shape[1]} x {shape[0]} pixels"
+def _environment(environment: Environment | Sky) -> str:
+    if isinstance(environment, Sky):
+        return f"sky, sun at {environment.elevation:g} degrees, turbidity {environment.turbidity:g}"
+    height, width, _ = environment.image.shape
+    return f"{environment.name or 'image'}, {width} x {height} pixels"

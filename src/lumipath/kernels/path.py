@@ -6,7 +6,7 @@ Schedulers trace a path's ray, call `shade`, trace the shadow ray that it asks f
 from __future__ import annotations
 
 from ..lang import INV_PI, Vec3, f32, i32, inverse, kernel, struct
-from ..pack.layout import ANY_LIGHT, DIELECTRICS, MIRRORS, ROULETTE
+from ..pack.layout import ANY_LIGHT, DIELECTRICS, MIRRORS, ROULETTE, SUNS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.lambert import lambert_direction, lambert_pdf, lambert_weight
 from .bsdf.mirror import mirror_direction
@@ -15,6 +15,7 @@ from .environment import environment_from
 from .functions import power_heuristic
 from .lights import emitter_pdf, sample_light
 from .materials import emission_at, is_dielectric, lobes_at, transmittance
+from .punctual import sun_from
 from .rays import SHADOW_END, Ray, endless_ray, no_ray, offset_point
 from .sampler import choice_numbers, dielectric_number
 from .surface import surface_at
@@ -97,11 +98,26 @@ def strategy_weight(pdf, other):
 
 
 @kernel
+def without_suns(scene, path, light):
+    """A scene without suns."""
+    return light
+
+
+@kernel(needs=SUNS, otherwise=without_suns)
+def with_weighted_suns(scene, path, light):
+    """The light of what was not hit, and that of all suns there."""
+    for k in range(scene.sun_count):
+        sun = sun_from(scene, i32(scene.first_sun + k), path.ray.d)
+        light = light + path.throughput * sun.radiance * strategy_weight(path.pdf, sun.pdf)
+    return light
+
+
+@kernel
 def escaped(scene, path):
-    """Nothing was hit: the environment's light."""
+    """Nothing was hit: the environment's light, and the suns'."""
     seen = environment_from(scene, path.ray.d)
     weight = strategy_weight(path.pdf, seen.pdf * scene.environment_probability)
-    return finish(path, path.throughput * seen.radiance * weight)
+    return finish(path, with_weighted_suns(scene, path, path.throughput * seen.radiance * weight))
 
 
 @kernel
@@ -177,11 +193,11 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
     """Next-event estimation of the Lambert lobe, weighted against drawing the same direction from the lobe."""
     n = s.n * side
     o = offset_point(s.p, n, path.ray.tmax, s.reach)
-    light = sample_light(scene, o, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
+    light = sample_light(scene, o, n, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
     cosine = dot(s.shading, light.direction) * side
     reaches = (light.pdf > 0.0) & (cosine > 0.0) & (dot(n, light.direction) > 0.0) & (probability > 0.0)
     competing = lambert_pdf(scene, cosine) * probability
-    weight = f32(1.0) if light.delta else power_heuristic(light.pdf, competing)
+    weight = f32(1.0) if light.delta else power_heuristic(light.rival, competing)
     radiance = path.throughput * lobes.diffuse * light.radiance * (INV_PI * cosine * weight / light.pdf)
     medium = path.medium if side > 0.0 else i32(-1)
     radiance = radiance * transmittance(scene, medium, light.distance)

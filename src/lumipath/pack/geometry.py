@@ -87,11 +87,20 @@ def quadric_box(shape: Sphere | Cone) -> NDArray[np.float32]:
     return np.array([lower - slack, upper + slack], np.float32)
 
 
+def is_round(shape: Sphere | Cone) -> bool:
+    """Whether a shape is a sphere in world space too."""
+    linear = shape.transform[:3, :3]
+    square = linear.T @ linear
+    size = np.trace(square) / 3
+    return isinstance(shape, Sphere) and bool(np.abs(square - size * np.eye(3)).max() < 1e-5 * size)
+
+
 def _quadric_row(shape: Sphere | Cone) -> NDArray[np.float32]:
     row = np.zeros(int(layout.QUADRIC_SIZE), np.float32)
     row[:12] = np.linalg.inv(shape.transform)[:3].reshape(-1)
     if isinstance(shape, Sphere):
         row.view(np.int32)[12] = layout.SPHERE
+        row[13] = is_round(shape)
     else:
         row.view(np.int32)[12] = layout.CAPPED_CONE if shape.capped else layout.OPEN_CONE
         row[13:16] = shape.bottom_radius, shape.top_radius, shape.height

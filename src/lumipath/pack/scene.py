@@ -20,6 +20,7 @@ from .geometry import Geometry, flatten, vertex_rows
 from .layout import PackedScene, View
 from .lights import ambient_light, collect_lights, scene_radius
 from .materials import MaterialTable
+from .sky import far_light
 
 # Primitive numbers share a 32-bit word with a flag.
 _MAX_PRIMITIVES = 1 << 29
@@ -34,8 +35,12 @@ class Packed:
     material_names: tuple[str, ...]
 
 
-def pack_scene(scene: Scene) -> Packed:
+def pack_scene(scene: Scene, light_sampling: str = "auto") -> Packed:
     """Flatten a scene. The tree is left out: each kind of device has its own.
+
+    Args:
+        scene: to flatten.
+        light_sampling: as in `RenderSettings`; the tree of lights, unlike that of rays, is made here.
 
     Raises:
         SceneError: more primitives or materials than can be numbered.
@@ -47,9 +52,10 @@ def pack_scene(scene: Scene) -> Packed:
         raise SceneError(f"{scene.name} has {primitives} primitives; at most {_MAX_PRIMITIVES} are possible")
     if primitives == 0:
         warnings.warn(f"{scene.name} has no shapes: only its background is rendered", LumipathWarning, stacklevel=2)
-    environment = pack_environment(scene.environment) if scene.environment else no_environment()
+    far, sun = far_light(scene.environment)
+    environment = pack_environment(far) if far else no_environment()
     radius = scene_radius(geometry)
-    lights = collect_lights(scene, geometry, table, radius, environment.mean)
+    lights = collect_lights([*scene.lights, *sun], geometry, table, radius, environment.mean, light_sampling)
     features = geometry.features | table.features() | lights.features
     if len(table.materials) > int(layout.MATERIAL_MASK):
         raise SceneError(
@@ -83,6 +89,13 @@ def pack_scene(scene: Scene) -> Packed:
         light_count=i32(len(lights.rows)),
         first_delta=i32(lights.first_delta),
         delta_count=i32(lights.delta_count),
+        first_sun=i32(lights.first_sun),
+        sun_count=i32(lights.sun_count),
+        light_nodes=aligned(lights.nodes),
+        light_parents=aligned(lights.parents),
+        emitter_node=aligned(lights.emitter_node),
+        tree_probability=f32(lights.tree_probability),
+        first_infinite=i32(lights.first_infinite),
         ambient=aligned(ambient_light(scene)),
         extent=f32(2 * radius),
         triangle_count=i32(len(geometry.faces)),
@@ -128,9 +141,13 @@ def _camera_features(settings: RenderSettings, camera: Camera) -> int:
     return mask
 
 
+# What chooses a light and a point on it.
+_ONLY_FOR_LIGHT = layout.ANY_LIGHT | layout.MANY_LIGHTS | layout.LIGHT_TREE | layout.ROUND_LIGHTS
+
+
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it looks at no lights."""
-    mask = scene & ~(layout.ANY_LIGHT | layout.MANY_LIGHTS) | layout.LAYERS | _camera_features(settings, camera)
+    mask = scene & ~_ONLY_FOR_LIGHT | layout.LAYERS | _camera_features(settings, camera)
     return mask | (layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0)
 
 

@@ -109,7 +109,7 @@ class Session:
     ) -> None:
         self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
         self.scene = scene
-        if self.settings.integrator == "whitted" and not scene.lights:
+        if self.settings.integrator == "whitted" and not scene.lights and not scene.has_sun:
             warnings.warn(
                 f"{scene.name} has no point, directional or ambient light: the integrator whitted shows only what "
                 "emits, directly, in mirrors and through glass",
@@ -146,7 +146,7 @@ class Session:
     def _prepare(self, camera: Camera) -> None:
         """Bring the scene to the device, and compile the kernels for what it uses."""
         start = time.perf_counter()
-        host = pack_scene(self.scene)
+        host = pack_scene(self.scene, self.settings.light_sampling)
         packed = self.device.upload(host)
         features = packed.features.mask | settings_features(self.settings, camera)
         if self.settings.focus_on is not None:

@@ -2,10 +2,11 @@
 
 from .camera import Camera
 from .digest import scene_digest
-from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
+from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight, SpotLight
 from .material import Material, Texture
 from .scene import Scene
 from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_normals, transform_mesh
+from .sky import Sky
 
 __all__ = [
     "AmbientLight",
@@ -21,7 +22,9 @@ __all__ = [
     "PointLight",
     "Scene",
     "Shape",
+    "Sky",
     "Sphere",
+    "SpotLight",
     "Square",
     "Texture",
     "scene_digest",

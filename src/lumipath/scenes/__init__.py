@@ -32,6 +32,8 @@ _SCENES = {
     "caustics": ("caustics", "caustics", "light gathered by a glass ball, a metal ring and a red glass cone"),
     "many-lobes": ("lobes", "many_lobes", "materials that add up matt, mirror, glass and emission"),
     "bokeh": ("bokeh", "bokeh", "small lamps out of focus, through a lens of six blades"),
+    "sundial": ("sundial", "sundial", "a sundial in the evening sun, under a computed sky"),
+    "many-lamps": ("lanterns", "many_lamps", "a thousand lanterns of very different brightness around a lake"),
     "bench-cornell": ("bench", "bench_cornell", "benchmark: a Cornell box of 36 triangles"),
     "bench-blob100k": ("bench", "bench_blob100k", "benchmark: a bumpy sphere in a box, 99,236 triangles"),
     "bench-blob1m": ("bench", "bench_blob1m", "benchmark: a bumpy sphere in a box, 998,012 triangles"),

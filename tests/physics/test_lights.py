@@ -1,0 +1,232 @@
+"""Lights whose irradiance is known, and lights that are sampled against the same ones hit by chance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from judging import assert_same
+from parts import floor, moved, quad, scaled, sky, sphere_mesh, turned
+from renders import renders, without_light_sampling
+
+from lumipath.pack.sky import sky_image, sun_colour
+from lumipath.scene import (
+    Camera,
+    Cylinder,
+    DirectionalLight,
+    Environment,
+    Material,
+    Mesh,
+    PointLight,
+    Scene,
+    Sky,
+    Sphere,
+    SpotLight,
+)
+
+WHITE = Material(diffuse=1.0)
+SMALL = {"width": 16, "height": 16, "spp": 64, "seeds": 8, "max_depth": 1}
+WIDTH = 1.0
+
+
+# These light nothing that is seen, and make the scenes share their kernels.
+FAINT = (
+    SpotLight(position=(0, 1, 0), direction=(0, 1, 0), intensity=1e-9),
+    DirectionalLight(direction=(0, 1, 0), colour=1e-9),
+    DirectionalLight(direction=(0, 1, 0), colour=1e-9, angle=1),
+)
+
+
+def from_above(*lights, environment=None):
+    """A white floor of which the picture shows the square of side WIDTH about the origin, x to the right, -z up."""
+    fov = 2 * np.degrees(np.arctan(WIDTH / 2 / 0.5))
+    camera = Camera(position=(0, 0.5, 0), direction=(0, -1, 0), up=(0, 0, -1), fov=fov)
+    return Scene(shapes=[floor(5, material=WHITE)], lights=[*lights, *FAINT], environment=environment, cameras=[camera])
+
+
+def floor_points(fine=8):
+    """(16 * fine, 16 * fine, 3): points of the floor under a fine grid of the pixels."""
+    across = ((np.arange(16 * fine) + 0.5) / (16 * fine) - 0.5) * WIDTH
+    x, z = np.meshgrid(across, across)
+    return np.stack([x, np.zeros_like(x), z], -1)
+
+
+def pixels(fine):
+    """Means over the pixels of values on the grid of `floor_points`, and three channels."""
+    count = len(fine) // 16
+    return np.repeat(fine.reshape(16, count, 16, count).mean(axis=(1, 3))[..., None], 3, axis=2)
+
+
+@pytest.mark.parametrize(("inner", "outer"), [(0, 30), (15, 25), (50, 89)])
+def test_the_floor_under_a_spot_is_as_bright_as_calculated(device, inner, outer):
+    place, axis = np.array([0.3, 1.0, 0.1]), np.array([-0.3, -1.0, 0.1])
+    light = SpotLight(position=place, direction=axis, intensity=2.0, inner_angle=inner, outer_angle=outer)
+    to = place - floor_points(16)
+    distance2 = (to**2).sum(-1)
+    cosine = -(to @ axis) / np.linalg.norm(axis) / np.sqrt(distance2)
+    ci, co = np.cos(np.radians([inner, outer]))
+    fade = np.clip((cosine - co) / (ci - co), 0, 1) ** 2
+    irradiance = 2.0 * fade * to[..., 1] / distance2**1.5
+    images = renders(from_above(light), device=device, **SMALL)
+    # The grid of the integral is finer than the samples by far.
+    assert_same(images, pixels(irradiance / np.pi))
+
+
+def test_the_floor_near_a_point_light_of_an_intensity_is_as_bright_as_calculated(device):
+    place = np.array([0.1, 0.2, -0.1])
+    to = place - floor_points(16)
+    irradiance = 0.5 * to[..., 1] / (to**2).sum(-1) ** 1.5
+    images = renders(from_above(PointLight(position=place, intensity=0.5)), device=device, **SMALL)
+    assert_same(images, pixels(irradiance / np.pi))
+
+
+@pytest.mark.parametrize("angle", [0, 0.53, 30, 100])
+def test_the_irradiance_of_a_sun_does_not_depend_on_its_size(device, angle):
+    height = np.radians(50)
+    light = DirectionalLight(direction=(np.cos(height), -np.sin(height), 0), colour=(1, 0.5, 2), angle=angle)
+    images = renders(from_above(light), device=device, **SMALL)
+    # While the disc is above the horizon, as all of these are but the largest.
+    if angle < 80:
+        assert_same(images, np.sin(height) * np.array([1, 0.5, 2]))
+    else:
+        assert images.mean() > np.sin(height) * 3.5 / 3
+
+
+def test_a_sun_that_fills_half_of_the_sky_is_a_constant_one(device):
+    light = DirectionalLight(direction=(0, -1, 0), colour=0.7, angle=180)
+    assert_same(renders(from_above(light), device=device, **SMALL), 0.7)
+
+
+def test_a_sun_is_seen_with_its_radiance(device):
+    light = DirectionalLight(direction=(0, 0, 1), colour=(1, 2, 3), angle=20)
+    camera = Camera(fov=50)
+    scene = Scene(shapes=[floor(0.1, y=-50)], lights=[light, *FAINT], cameras=[camera])
+    images = renders(scene, device=device, **SMALL)
+    radiance = np.array([1, 2, 3]) / np.sin(np.radians(10)) ** 2
+    np.testing.assert_allclose(images[:, 7:9, 7:9], np.broadcast_to(radiance, (8, 2, 2, 3)), rtol=1e-5)
+    assert images[:, 0].max() == 0
+    # Its diameter, in a picture of 2 tan(25 degrees) height.
+    share = np.pi * np.tan(np.radians(10)) ** 2 / (2 * np.tan(np.radians(25))) ** 2
+    assert images.mean(axis=(0, 1, 2)) == pytest.approx(radiance * share, rel=0.02)
+
+
+def test_the_ground_under_a_sky_has_its_irradiance(device):
+    day = Sky(elevation=40, azimuth=30)
+    image = sky_image(day).astype(np.float64)
+    height = np.pi / 2 - np.pi * (np.arange(256) + 0.5) / 256
+    cells = np.maximum(np.sin(height), 0) * np.cos(height) * (np.pi / 256) ** 2
+    expected = (image * cells[:, None, None]).sum(axis=(0, 1)) / np.pi + sun_colour(day) * np.sin(np.radians(40))
+    images = renders(from_above(environment=day), device=device, **SMALL)
+    assert images.mean(axis=(0, 1, 2)) == pytest.approx(expected, rel=2e-3)
+
+
+# ---- equality of estimators -----------------------------------------------------------------------------------------
+
+GLOW = Material(emission=(4.0, 3.0, 2.0), diffuse=0.3)
+WALL = Material(diffuse=(0.8, 0.5, 0.3))
+CORNER = Camera.look_at((0.3, 1.3, 2.6), (0, 0.5, 0), fov=60)
+
+
+def corner(*shapes, **options):
+    """A floor and a wall, with a block that throws a shadow."""
+    wall = quad((-1, 0, -1), (1, 0, -1), (1, 2, -1), (-1, 2, -1), material=WALL)
+    block = Sphere(transform=moved(0.3, 0.4, 0) @ scaled(0.3), material=Material(diffuse=0.5))
+    return Scene(shapes=[floor(1.5, material=WALL), wall, block, *shapes], cameras=[CORNER], **options)
+
+
+@pytest.mark.parametrize("angle", [12, 80])
+def test_a_sun_that_is_sampled_shines_like_one_that_is_hit(device, angle):
+    sun = DirectionalLight(direction=(-0.5, -1, -0.4), colour=(1.0, 0.8, 0.6), angle=angle)
+    far = DirectionalLight(direction=(0.9, -1, -0.2), colour=(0.1, 0.3, 0.9), angle=20)
+    settings = {"width": 24, "max_depth": 2, "seeds": 16, "device": device}
+    scene = corner(lights=[sun, far], environment=sky(0.1))
+    sampled = renders(scene, spp=64, **settings)
+    found = renders(scene, spp=1024, first_seed=500, change=without_light_sampling, **settings)
+    assert_same(sampled, found)
+
+
+def test_a_sky_that_is_sampled_shines_like_one_that_is_hit(device):
+    # A sun so large that directions find it by chance.
+    scene = corner(environment=Sky(elevation=50, azimuth=160, sun_angle=15))
+    assert scene.has_sun
+    settings = {"width": 24, "max_depth": 2, "seeds": 16, "device": device}
+    sampled = renders(scene, spp=64, **settings)
+    found = renders(scene, spp=1024, first_seed=500, change=without_light_sampling, **settings)
+    assert_same(sampled, found)
+
+
+def lamps():
+    """Lamps of every kind, two-sided and one-sided, near and far, over a corner."""
+    lamp = np.array([(-0.5, 0.8, -0.4), (-0.3, 1.1, 0.4), (0.4, 0.9, 0.5), (0.5, 0.7, -0.4)])
+    faces = [(0, 1, 2), (0, 2, 3)]
+    return [
+        Mesh(vertices=lamp, faces=faces, material=GLOW),
+        Mesh(vertices=lamp[::-1] * (1, 1, 0.3) + (0.2, -0.6, -0.5), faces=faces, material=GLOW, two_sided=False),
+        sphere_mesh(4, transform=moved(-0.6, 0.3, 0.4) @ scaled(0.2), material=GLOW, two_sided=False),
+        Sphere(transform=moved(0.7, 0.3, 0.6) @ scaled(0.2), material=GLOW),
+        Sphere(transform=moved(-0.8, 0.9, -0.7) @ scaled(0.1, 0.2, 0.1), material=Material(emission=(0, 0, 9.0))),
+        Cylinder(transform=moved(0.8, 0.1, -0.6) @ turned("x", -70) @ scaled(0.1, 0.1, 0.4), material=GLOW),
+        # Below the floor: chosen where the surface does not count, of use to nobody.
+        sphere_mesh(4, transform=moved(0, -1.0, 0) @ scaled(0.3), material=Material(emission=20.0)),
+    ]
+
+
+@pytest.mark.parametrize("sampling", ["tree", "power", "uniform"])
+def test_many_lamps_that_are_sampled_shine_like_lamps_that_are_hit(device, sampling):
+    scene = corner(*lamps(), environment=sky(0.05))
+    settings = {"width": 24, "max_depth": 3, "seeds": 16, "light_sampling": sampling, "device": device}
+    sampled = renders(scene, spp=64, **settings)
+    found = renders(scene, spp=512, first_seed=500, change=without_light_sampling, **settings)
+    assert_same(sampled, found)
+
+
+def test_the_tree_finds_lights_of_no_extent_as_the_table_does(device):
+    rng = np.random.default_rng(2)
+    lights = [
+        *(PointLight(position=p, intensity=0.02) for p in rng.random((40, 3)) * (2, 2, 2) - (1, 0, 1)),
+        *(PointLight(position=p, colour=0.01) for p in rng.random((10, 3)) * (2, 2, 2) - (1, 0, 1)),
+        *(
+            SpotLight(position=p, direction=d, intensity=0.1, inner_angle=5, outer_angle=a)
+            for p, d, a in zip(
+                rng.random((40, 3)) * (2, 2, 2) - (1, 0, 1), rng.normal(size=(40, 3)), rng.uniform(10, 170, 40)
+            )
+        ),
+        DirectionalLight(direction=(-0.4, -1, -0.6), colour=0.3),
+    ]
+    scene = corner(lights=lights)
+    settings = {"width": 24, "max_depth": 2, "seeds": 16, "spp": 128, "device": device}
+    images = {name: renders(scene, light_sampling=name, **settings) for name in ("tree", "power")}
+    assert_same(images["tree"], images["power"])
+
+
+def test_glass_and_mirrors_do_not_disturb_the_tree(device):
+    scene = corner(
+        *lamps(),
+        Sphere(transform=moved(-0.3, 0.25, 0.8) @ scaled(0.25), material=Material(transmissive=0.9, index=1.5)),
+        Sphere(transform=moved(0.1, 0.2, 1.1) @ scaled(0.2), material=Material(specular=0.8, diffuse=0.1)),
+        environment=Environment.constant(0.05),
+    )
+    settings = {"width": 24, "max_depth": 6, "seeds": 16, "device": device}
+    tree = renders(scene, spp=128, light_sampling="tree", **settings)
+    assert_same(tree, renders(scene, spp=128, first_seed=300, light_sampling="power", **settings))
+
+
+def test_a_tree_makes_far_less_noise_than_a_uniform_choice_among_scattered_lamps(device):
+    rng = np.random.default_rng(9)
+    count = 1000
+    centres = rng.uniform((-10, 0.1, -10), (10, 0.4, 10), (count, 3))
+    corners = centres[:, None] + 0.03 * rng.normal(size=(count, 3, 3))
+    material = [Material(emission=10 ** rng.uniform(0, 2.5)) for _ in range(8)]
+    shapes = [
+        Mesh(vertices=corners[k::8].reshape(-1, 3), faces=np.arange(375).reshape(-1, 3), material=material[k])
+        for k in range(8)
+    ]
+    camera = Camera(position=(0, 6, 0), direction=(0, -1, 0), up=(0, 0, -1), fov=40)
+    scene = Scene(shapes=[floor(10, material=WHITE), *shapes], cameras=[camera])
+    settings = {"width": 32, "spp": 16, "seeds": 8, "max_depth": 1, "device": device}
+    lamps_seen = renders(scene, **(settings | {"max_depth": 0, "spp": 64})).max(axis=(0, 3)) > 0
+    variance = {
+        name: renders(scene, light_sampling=name, **settings).var(axis=0)[~lamps_seen].mean()
+        for name in ("tree", "power", "uniform")
+    }
+    assert variance["tree"] < variance["power"] / 4
+    assert variance["tree"] < variance["uniform"] / 8
