@@ -20,7 +20,7 @@ from lumipath.lang import Features
 from lumipath.lang.cuda import compile_ptx
 from lumipath.pack.layout import WIDE_TREE, PackedScene
 from lumipath.pack.scene import layer_features, pack_scene, settings_features
-from lumipath.scene import DirectionalLight, PointLight
+from lumipath.scene import DirectionalLight, PointLight, SpotLight
 from lumipath.settings import RenderSettings
 
 STACK = 64
@@ -32,7 +32,7 @@ def arguments(name, *, wide, lights=(), **settings):
     """Argument types of the kernels for a built-in scene with further lights."""
     scene = builtin(name)
     scene.lights += lights
-    packed = pack_scene(scene)
+    packed = pack_scene(scene, settings.get("light_sampling", "auto"))
     geometry = packed.geometry
     tree = build_tree(*geometry.bounds(), max_leaf=MAX_LEAF, block=1)
     accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=wide)
@@ -91,6 +91,9 @@ LOOKS = ("albedo", "normal", "depth", "ao")
 LIGHTS = [PointLight(position=(0, 1, 0)), DirectionalLight()]
 
 
+EVERY_LIGHT = [*LIGHTS, SpotLight(position=(0, 1, 0)), DirectionalLight(angle=1)]
+
+
 @pytest.mark.parametrize("integrator", LOOKS)
 def test_quick_looks_compile_within_bounds_and_spill_nothing(integrator):
     signature = arguments("primitives", wide=True, integrator=integrator)
@@ -101,7 +104,7 @@ def test_quick_looks_compile_within_bounds_and_spill_nothing(integrator):
 
 @pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
 def test_whitted_ray_tracing_compiles_within_bounds(capability):
-    signature = arguments("glass", wide=True, lights=LIGHTS, integrator="whitted")
+    signature = arguments("glass", wide=True, lights=EVERY_LIGHT, integrator="whitted")
     registers, stack = resources(compile_pixels(signature, capability, STACK).report)
     assert registers <= 168
     # One traversal stack for rays of both kinds, and 32 waiting rays of 11 numbers.
@@ -167,11 +170,32 @@ def test_kernels_for_another_stack_are_other_kernels():
     assert deep - shallow == 4 * 3 * STACK
 
 
+@pytest.mark.parametrize(
+    ("scene", "light_sampling"),
+    [("many-lamps", "auto"), ("many-lamps", "power"), ("bench-cornell", "tree")],
+)
+def test_lights_of_every_kind_compile_within_bounds(scene, light_sampling):
+    made = compile_megakernel(
+        arguments(scene, wide=True, lights=EVERY_LIGHT, light_sampling=light_sampling), (9, 0), STACK
+    )
+    registers, stack = resources(made.report)
+    assert registers <= 64
+    assert stack <= 4 * STACK + 256
+
+
 @pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh"])
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
+    assert_single_precision(scene)
+
+
+def test_no_light_is_computed_in_double_precision_or_by_a_call():
+    assert_single_precision("many-lamps", lights=EVERY_LIGHT)
+
+
+def assert_single_precision(scene, **options):
     from lumipath.devices.cuda.megakernel import make_vote
 
-    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True), WORK_TYPE), (9, 0))
+    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True, **options), WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)

@@ -79,6 +79,16 @@ def test_the_floor_near_a_point_light_of_an_intensity_is_as_bright_as_calculated
     assert_same(images, pixels(irradiance / np.pi))
 
 
+def test_whitted_ray_tracing_sees_spots_points_and_suns_as_the_path_tracer_does(device):
+    scene = from_above(
+        SpotLight(position=(0.1, 0.8, 0.2), direction=(0.1, -1, 0), intensity=0.6, inner_angle=10, outer_angle=30),
+        PointLight(position=(-0.2, 0.6, 0.1), intensity=(0.1, 0.2, 0.3)),
+        DirectionalLight(direction=(0.3, -1, 0.2), colour=(0.3, 0.2, 0.1), angle=1),
+    )
+    path, whitted = (renders(scene, device=device, integrator=name, **SMALL) for name in ("path", "whitted"))
+    assert_same(whitted, path)
+
+
 @pytest.mark.parametrize("angle", [0, 0.53, 30, 100])
 def test_the_irradiance_of_a_sun_does_not_depend_on_its_size(device, angle):
     height = np.radians(50)

@@ -5,10 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from judging import ALPHA, assert_same, p_value
-from parts import HIDDEN, floor, hidden, moved, quad, scaled, sphere_mesh
+from parts import HIDDEN, floor, hidden, moved, quad, scaled, sphere_mesh, turned
 from renders import renders
 
-from lumipath.scene import Camera, DirectionalLight, Environment, Material, Mesh, PointLight, Scene, Sphere, Texture
+from lumipath.scene import (
+    Camera,
+    DirectionalLight,
+    Environment,
+    Material,
+    Mesh,
+    PointLight,
+    Scene,
+    Sphere,
+    SpotLight,
+    Texture,
+)
 from lumipath.scenes import builtin
 
 pytest.importorskip("mitsuba")
@@ -121,6 +132,61 @@ def test_a_point_light_and_a_smooth_mesh(device, tmp_path):
 def test_a_directional_light_and_a_smooth_mesh(device, tmp_path):
     light = DirectionalLight(direction=(-0.5, -1.0, -0.3), colour=(1.5, 1.2, 1.0))
     compare(Scene(shapes=still_life(), lights=[light], cameras=[TABLE]), tmp_path, device, ours=MATT)
+
+
+def test_spots_and_points_of_an_intensity(device, tmp_path):
+    lights = [
+        SpotLight(
+            position=(1.5, 2.5, 1.0), direction=(-1.4, -2, -0.7), intensity=(20, 12, 4), inner_angle=14, outer_angle=14
+        ),
+        SpotLight(
+            position=(-1.5, 1, 1.5), direction=(1, -0.6, -1), intensity=(1, 3, 9), inner_angle=30, outer_angle=30
+        ),
+        # Nearer than one metre, where the older kind of point light gets no brighter.
+        PointLight(position=(0.8, 0.4, 0.6), intensity=(0.1, 0.3, 0.2)),
+    ]
+    compare(Scene(shapes=still_life(), lights=lights, cameras=[TABLE]), tmp_path, device, ours=MATT)
+
+
+@pytest.mark.parametrize("turn", [0, 130])
+def test_a_turned_scaled_and_a_constant_environment_light_a_smooth_mesh(device, tmp_path, turn):
+    def turned_sky(d):
+        # From world to the directions of the image.
+        return 0.5 * lobed_sky(d @ turned("y", turn)[:3, :3])
+
+    scene = Scene(shapes=[*still_life(), *hidden(*MATT)], cameras=[TABLE])
+    theirs = mitsuba_renders(scene, tmp_path, max_depth=3, environment=turned_sky, **SIZE, **BOTH)
+    plain = equirectangular(lobed_sky)
+    scene.environment = Environment(image=plain.image, scale=0.5, rotation=turn)
+    assert_same(renders(scene, device=device, max_depth=3, **SIZE, **BOTH), theirs)
+
+
+def test_a_constant_environment(device, tmp_path):
+    scene = Scene(shapes=[*still_life(), *hidden(*MATT)], cameras=[TABLE])
+
+    def constant(d):
+        return np.broadcast_to((0.3, 0.5, 0.8), (*d.shape[:-1], 3))
+
+    theirs = mitsuba_renders(scene, tmp_path, max_depth=3, environment=constant, **SIZE, **BOTH)
+    scene.environment = Environment.constant((0.3, 0.5, 0.8))
+    assert_same(renders(scene, device=device, max_depth=3, **SIZE, **BOTH), theirs)
+
+
+def test_a_disc_of_light_far_away_is_a_large_sphere_far_away(device, tmp_path):
+    # Mitsuba has no suns, but spheres: this one fills the same directions, seen from the table.
+    angle, distance = 20.0, 3000.0
+    direction = np.array([-0.5, -1.0, -0.3]) / np.linalg.norm([-0.5, -1.0, -0.3])
+    colour, half = np.array([1.5, 1.2, 1.0]), np.radians(angle / 2)
+    lamp = Sphere(
+        transform=moved(*(-direction * distance)) @ scaled(distance * np.sin(half)),
+        material=Material(diffuse=0.0, emission=colour / np.sin(half) ** 2),
+    )
+    scene = Scene(shapes=[*still_life(), lamp], cameras=[TABLE])
+    theirs = mitsuba_renders(scene, tmp_path, max_depth=3, **SIZE, **BOTH)
+    light = DirectionalLight(direction=direction, colour=colour, angle=angle)
+    ours = Scene(shapes=[*still_life(), *hidden(*MATT)], lights=[light], cameras=[TABLE])
+    images = renders(ours, device=device, max_depth=3, **SIZE, **BOTH)
+    assert_same(images, theirs)
 
 
 def test_an_image_texture_lies_the_same_way_round(device, tmp_path):
