@@ -27,7 +27,7 @@ MORE_SAMPLES = {
     "many-lamps": 4096,
 }
 BOXES = ("cornell-box", "cornell-box-glass", "cornell-box-specular", "cornell-box-transmissive", "knot40k")
-EXPOSURE = dict.fromkeys(BOXES, 1.0)
+EXPOSURE = {**dict.fromkeys(BOXES, 1.0), "forest": 0.3}
 
 
 def main(chosen: list[str], folder: Path = FOLDER, width: int = WIDTH, spp: int | None = None) -> None:

@@ -19,13 +19,21 @@ SAMPLERS = ("sobol", "independent")
 HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
 LIGHT_SAMPLINGS = ("auto", "uniform", "power", "tree")
+PROJECTIONS = ("perspective", "orthographic", "panorama", "fisheye", "fisheye-equisolid")
+"""The projections of `lumipath.Camera`."""
+FILTER_RADII = {"box": 0.5, "gaussian": 1.5, "blackman-harris": 1.5, "mitchell": 2.0}
+"""Pixel filters, and their usual radii in pixels: of pbrt's 4th edition; of Cycles for Blackman and Harris'."""
+FILTERS = tuple(FILTER_RADII)
 TONEMAPS = ("none", "linear", "agx", "aces", "reinhard")
 KERNELS = ("auto", "megakernel", "wavefront")
 LAYERS = (
-    *("albedo", "normal", "geometric_normal", "depth", "position", "uv", "emission"),
-    *("object_id", "material_id", "samples"),
+    *("albedo", "normal", "geometric_normal", "depth", "position", "uv", "emission", "direct", "indirect"),
+    *("light_groups", "variance", "object_id", "material_id", "samples"),
 )
 """Layers that can be rendered beside the image; `rendering/layers.py` says what they are."""
+
+LIGHT_LAYERS = ("direct", "indirect", "light_groups")
+"""Layers that only the integrator `path` has."""
 
 PROGRESS_MODES = ("auto", "bar", "json", "none")
 
@@ -56,6 +64,11 @@ def _real(low: float, high: float) -> Callable[[Any, attrs.Attribute[Any], Any],
             raise _fail(attribute.name, value, f"a number from {low:g} to {high:g}")
 
     return check
+
+
+def _flag(_: object, attribute: attrs.Attribute[Any], value: Any) -> None:
+    if type(value) is not bool:
+        raise _fail(attribute.name, value, "true or false")
 
 
 def _choice(choices: tuple[str, ...]) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
@@ -181,9 +194,31 @@ class RenderSettings:
     rr_depth: int | None = _option(
         4, "Scattering events before Russian roulette may end a path; off: never.", _optional(_integer(0, 1 << 16))
     )
+    clamp_indirect: float | None = _option(
+        None,
+        "Limit what a path brings from its second scattering on; less noise, and too dark where it matters.",
+        _optional(_real(1e-6, 1e12)),
+        "W/(m^2 sr)",
+    )
+    regularize: bool = _option(
+        False, "Blur mirrors and glass that are seen by way of other surfaces, so that caustics are smooth.", _flag
+    )
     seed: int = _option(0, "Another seed gives independent noise.", _integer(0, (1 << 32) - 1))
     first_sample: int = _option(
         0, "Number of the first sample: machines that share a render take different ones.", _integer(0, 1 << 30)
+    )
+    filter: str = _option("box", "How samples spread over and about a pixel.", _choice(FILTERS), choices=FILTERS)
+    filter_radius: float | None = _option(
+        None,
+        "How far the filter reaches from the middle of a pixel; that of the literature by default.",
+        _optional(_real(1e-3, 64.0)),
+        "pixels",
+    )
+    projection: str | None = _option(
+        None,
+        "How the camera maps directions to pixels; the camera's own by default.",
+        _optional(_choice(PROJECTIONS)),
+        choices=PROJECTIONS,
     )
     aperture: float | None = _option(
         None, "Lens radius; 0 is a pinhole; the camera's own by default.", _optional(_real(0.0, 1e6)), "metres"
@@ -226,6 +261,11 @@ class RenderSettings:
             raise UsageError(f"focus is {self.focus:g} and focus_on is {self.focus_on}: give one of them")
         if self.noise is not None and self.kernel == "wavefront":
             raise UsageError("noise needs whole paths in one kernel: leave kernel away, or make it megakernel")
+        for name in self.aov:
+            if name in LIGHT_LAYERS and self.integrator != "path":
+                raise UsageError(f"aov names {name}, which only the integrator path has, not {self.integrator}")
+            if name in (*LIGHT_LAYERS, "emission", "variance") and self.kernel == "wavefront":
+                raise UsageError(f"aov names {name}, which needs whole paths in one kernel: leave kernel away")
 
     @property
     def total_samples(self) -> int | None:

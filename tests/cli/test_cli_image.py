@@ -64,9 +64,10 @@ class TestDiff:
         assert 0.3 < float(rows["mse"]) < 1.2
         assert rows["psnr"].endswith(" dB")
 
-    def test_json_and_map(self, lumipath, files):
+    @pytest.mark.parametrize("flag", ["-o", "--heat-map"])
+    def test_json_and_map(self, lumipath, files, flag):
         pytest.importorskip("flip_evaluator", reason="needs the extra 'flip'")
-        code, out, _ = lumipath("image", "diff", "a.exr", "b.exr", "--json", "-o", "map.png")
+        code, out, _ = lumipath("image", "diff", "a.exr", "b.exr", "--json", flag, "map.png")
         assert code == 0
         facts = json.loads(out)
         assert list(facts) == ["mse", "relative_mse", "psnr", "flip", "flip_kind", "not_finite"]

@@ -1,7 +1,9 @@
 """CUDA kernels on any machine: they compile for every generation of GPUs, within bounds, and on no double precision."""
 
 import re
+import sys
 
+import numpy as np
 import pytest
 
 pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
@@ -9,37 +11,56 @@ pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
 from numba import typeof, types
 
 from lumipath import builtin
-from lumipath.accel.build import build_tree
 from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
+from lumipath.accel.two_level import build_trees
 from lumipath.devices.cuda.arguments import FILM_TYPE, LAYERS_TYPE, VIEW_TYPE, type_of
 from lumipath.devices.cuda.layers import compile_layers, make_layers
-from lumipath.devices.cuda.schedulers import compile_megakernel, compile_pixels, compile_wavefront
+from lumipath.devices.cuda.schedulers import (
+    compile_megakernel,
+    compile_paths,
+    compile_pixels,
+    compile_wavefront,
+    compiler_of,
+)
 from lumipath.devices.cuda.wavefront import TRACING
 from lumipath.devices.cuda.work import WORK_TYPE
 from lumipath.lang import Features
 from lumipath.lang.cuda import compile_ptx
 from lumipath.pack.layout import WIDE_TREE, PackedScene
 from lumipath.pack.scene import layer_features, pack_scene, settings_features
-from lumipath.scene import DirectionalLight, PointLight, SpotLight
+from lumipath.scene import (
+    Conductor,
+    Diffuse,
+    DirectionalLight,
+    Mesh,
+    Mix,
+    PointLight,
+    Scene,
+    Sphere,
+    SpotLight,
+    Texture,
+)
+from lumipath.scenes.forest import forest
 from lumipath.settings import RenderSettings
 
-STACK = 64
+STACK, DEEP_STACK = 64, 256
 # Turing, Ampere, Hopper, Blackwell.
 CAPABILITIES = [(7, 5), (8, 0), (9, 0), (12, 0)]
 
 
 def arguments(name, *, wide, lights=(), **settings):
-    """Argument types of the kernels for a built-in scene with further lights."""
-    scene = builtin(name)
+    """Argument types of the kernels for a scene, or a built-in one, with further lights."""
+    scene = builtin(name) if isinstance(name, str) else name
     scene.lights += lights
-    packed = pack_scene(scene, settings.get("light_sampling", "auto"))
+    packed = pack_scene(scene, light_sampling=settings.get("light_sampling", "auto"))
     geometry = packed.geometry
-    tree = build_tree(*geometry.bounds(), max_leaf=MAX_LEAF, block=1)
-    accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=wide)
-    assert depth <= STACK
+    trees = build_trees(*geometry.bounds(), geometry.instancing, max_leaf=MAX_LEAF, block=1)
+    sides, solid = geometry.two_sided, geometry.solid()
+    accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
+    assert depth <= DEEP_STACK
     mask = packed.scene.features.mask | settings_features(RenderSettings(**settings), scene.camera(None))
     features = Features(mask | (WIDE_TREE if wide else 0))
-    return type_of(packed.scene._replace(accel=accel, features=features)), VIEW_TYPE, FILM_TYPE
+    return type_of(packed.with_tree(accel, roots)._replace(features=features)), VIEW_TYPE, FILM_TYPE
 
 
 def resources(report):
@@ -78,12 +99,81 @@ def test_all_materials_and_primitives_compile_within_bounds():
     assert stack <= 4 * STACK + 128
 
 
+def test_textured_principled_surfaces_below_a_sky_compile_within_bounds():
+    made = compile_megakernel(arguments("bench-materials-cornell", wide=True), (9, 0), STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 64
+    assert stack <= 4 * STACK + 224
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
+def test_instances_compile_within_bounds(wide, monkeypatch):
+    monkeypatch.setattr(sys.modules[__name__], "builtin", lambda name: forest(trees=4, twigs=1))
+    signature = arguments("forest", wide=wide)
+    registers, stack = resources(compile_megakernel(signature, (9, 0), STACK).report)
+    assert registers <= 64
+    assert stack <= 4 * STACK + 96
+    for name, made in compile_wavefront(signature, (9, 0), STACK).items():
+        registers, stack = resources(made.report)
+        assert registers <= (96 if name == "shade" else 64), name
+        assert stack == (4 * STACK if name in TRACING else 0), name
+
+
 @pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
 def test_the_stages_of_the_wavefront_compile_within_bounds(wide):
     for name, made in compile_wavefront(arguments("bench-cornell", wide=wide), (9, 0), STACK).items():
         registers, stack = resources(made.report)
         assert registers <= (96 if name == "shade" else 64), name
         # Only traversal has a stack; nothing spills.
+        assert stack == (4 * STACK if name in TRACING else 0), name
+
+
+CAMERAS = [
+    ("orthographic", "gaussian"),
+    ("panorama", "mitchell"),
+    ("fisheye", "box"),
+    ("fisheye-equisolid", "mitchell"),
+]
+
+
+@pytest.mark.parametrize(("projection", "name"), CAMERAS)
+def test_cameras_and_filters_compile_within_bounds(projection, name):
+    settings = {"projection": projection, "filter": name, "aperture": 0.1, "blades": 6}
+    made = compile_megakernel(arguments("bench-cornell", wide=True, **settings), (9, 0), STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 56
+    assert stack <= 4 * STACK + 160
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted", "depth"])
+@pytest.mark.parametrize(("projection", "name"), CAMERAS)
+def test_cameras_and_filters_need_no_double_precision_and_no_calls(integrator, projection, name):
+    from lumipath.devices.cuda.megakernel import make_vote
+    from lumipath.devices.cuda.pixels import make_pixels
+
+    kernel = make_vote(STACK, 8, 8, 2) if integrator == "path" else make_pixels(STACK)
+    settings = {"projection": projection, "filter": name, "aperture": 0.1, "integrator": integrator}
+    ptx = compile_ptx(kernel, (*arguments("bench-cornell", wide=True, **settings), WORK_TYPE), (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
+
+
+def test_a_plain_camera_costs_what_it_did():
+    # Bits of other cameras and filters change the code; without them there is no trace of it.
+    plain = compile_megakernel(arguments("bench-cornell", wide=True), (9, 0), STACK)
+    named = arguments("bench-cornell", wide=True, projection="perspective", filter="box", filter_radius=0.5)
+    assert compile_megakernel(named, (9, 0), STACK).cubin == plain.cubin
+    assert (
+        compile_megakernel(arguments("bench-cornell", wide=True, filter="gaussian"), (9, 0), STACK).cubin != plain.cubin
+    )
+
+
+def test_the_wavefront_compiles_with_signed_samples_within_bounds():
+    signature = arguments("bench-cornell", wide=True, filter="mitchell", projection="fisheye")
+    for name, made in compile_wavefront(signature, (9, 0), STACK).items():
+        registers, stack = resources(made.report)
+        assert registers <= (96 if name == "shade" else 64), name
         assert stack == (4 * STACK if name in TRACING else 0), name
 
 
@@ -137,6 +227,37 @@ def test_no_integrator_computes_in_double_precision_or_calls_a_function(integrat
     assert not re.search(r"\bcall(\.uni)?\b", body)
 
 
+EVERY_LAYER = ("emission", "direct", "indirect", "light_groups", "variance")
+
+
+def test_layers_of_light_have_a_kernel_of_their_own_and_others_the_megakernel():
+    def mask(**settings):
+        return arguments("bench-cornell", wide=True, **settings)[0].types[0].mask
+
+    assert compiler_of(mask()) is compiler_of(mask(aov=("albedo", "samples"))) is compile_megakernel
+    assert all(compiler_of(mask(aov=(name,))) is compile_paths for name in EVERY_LAYER)
+    assert compiler_of(mask(aov=("variance",), integrator="ao")) is compile_pixels
+
+
+@pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
+def test_layers_of_light_compile_within_bounds(capability):
+    signature = arguments("primitives", wide=True, aov=EVERY_LAYER, noise=0.1)
+    registers, stack = resources(compile_paths(signature, capability, STACK).report)
+    assert registers <= 168
+    assert stack == 4 * STACK
+
+
+@pytest.mark.parametrize("aov", [EVERY_LAYER, ("light_groups",), ("variance",)], ids=len)
+def test_layers_of_light_need_no_double_precision_and_no_calls(aov):
+    from lumipath.devices.cuda.paths import make_paths
+
+    ptx = compile_ptx(make_paths(STACK), (*arguments("textures", wide=False, aov=aov), WORK_TYPE), (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert re.search(r"\.f32\s", body)
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
+
+
 def layers_scene(name, *, wide, **settings):
     """The type of a built-in scene for the pass that fills layers."""
     scene_type, _, _ = arguments(name, wide=wide)
@@ -183,19 +304,38 @@ def test_lights_of_every_kind_compile_within_bounds(scene, light_sampling):
     assert stack <= 4 * STACK + 256
 
 
-@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh"])
+@pytest.mark.parametrize(
+    "scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "forest", "glass-of-water"]
+)
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
-    assert_single_precision(scene)
+    settings = {"clamp_indirect": 1.0, "regularize": True} if scene == "glass-of-water" else {}
+    assert_single_precision(arguments(scene, wide=True, **settings))
 
 
 def test_no_light_is_computed_in_double_precision_or_by_a_call():
-    assert_single_precision("many-lamps", lights=EVERY_LIGHT)
+    assert_single_precision(arguments("many-lamps", wide=True, lights=EVERY_LIGHT))
 
 
-def assert_single_precision(scene, **options):
+def every_surface():
+    """Opacity, mixes, bent normals, anisotropy, vertex colours, and textures of both widths."""
+    data = Texture(np.full((4, 4, 4), 128, np.uint8), srgb=False)
+    metal = Conductor(roughness=data.view("g"), anisotropy=0.5, normal_map=data)
+    mix = Mix(first=metal, second=Diffuse(roughness=1.0, bump_map=data), weight=data, opacity=data.view("a"))
+    lamp = Diffuse(emission=Texture(np.ones((2, 2, 3))), opacity=0.5, two_sided=False)
+    mesh = {"vertices": np.eye(3), "faces": [(0, 1, 2)], "uvs": np.eye(3, 2)}
+    coloured = Mesh(**mesh, material=mix, colours=np.ones((3, 4)), normals=np.eye(3) + 0.1)
+    return Scene(shapes=[coloured, Mesh(**mesh, material=lamp), Sphere(material=mix), Sphere(material=lamp)])
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
+def test_kernels_of_all_surfaces_compute_in_single_precision_and_call_nothing(wide):
+    assert_single_precision(arguments(every_surface(), wide=wide, lights=LIGHTS))
+
+
+def assert_single_precision(signature):
     from lumipath.devices.cuda.megakernel import make_vote
 
-    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True, **options), WORK_TYPE), (9, 0))
+    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*signature, WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)

@@ -28,7 +28,7 @@ def assert_alike(image, reference, differing=0.01):
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("scene", ["primitives", "textures", "cornell-box-glass", "lights", "knot40k"])
+@pytest.mark.parametrize("scene", ["primitives", "textures", "cornell-box-glass", "lights", "knot40k", "forest"])
 def test_scenes(gpu, scene, kernel):
     image = render(builtin(scene), device=gpu, kernel=kernel, width=96, spp=16)
     assert_alike(image, on_cpu(scene, width=96, spp=16), differing=0.02)
@@ -57,6 +57,23 @@ def test_sizes_and_samples(gpu, kernel, settings):
 def test_integrators(gpu, integrator):
     settings = {"width": 80, "spp": 4, "integrator": integrator}
     assert_alike(render(builtin("lights"), device=gpu, **settings), on_cpu("lights", **settings), differing=0.03)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"projection": "orthographic", "filter": "gaussian"},
+        {"projection": "panorama", "aperture": 0.02, "filter": "mitchell"},
+        {"projection": "fisheye", "filter": "blackman-harris"},
+        {"projection": "fisheye-equisolid", "filter": "mitchell", "crop": (10, 20, 70, 61)},
+    ],
+    ids=lambda settings: settings["projection"],
+)
+def test_cameras_and_filters(gpu, kernel, settings):
+    settings = {"width": 96, "spp": 16, **settings}
+    image = render(builtin("primitives"), device=gpu, kernel=kernel, **settings)
+    assert_alike(image, on_cpu("primitives", **settings), differing=0.02)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)

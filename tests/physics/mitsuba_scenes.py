@@ -20,22 +20,91 @@ from typing import Any
 import mitsuba
 import numpy as np
 
-from lumipath.scene import Camera, DirectionalLight, Material, Mesh, PointLight, Scene, Sphere, SpotLight, Texture
+from lumipath.scene import (
+    Appearance,
+    Camera,
+    Conductor,
+    Diffuse,
+    DirectionalLight,
+    Material,
+    Mesh,
+    Mix,
+    PointLight,
+    Scene,
+    Sphere,
+    SpotLight,
+    Texture,
+    ThinDielectric,
+)
 
 mitsuba.set_variant("scalar_rgb")
 
 Dictionary = dict[str, Any]
 
 
+def _bitmap(texture: Texture, image: Any) -> Dictionary:
+    """An image that is looked up as a texture of ours is; its coordinates count from the top."""
+    assert texture.wrap[0] == texture.wrap[1]
+    matrix = np.eye(4)
+    matrix[:2, :2], matrix[:2, 3] = texture.matrix()[:, :2], texture.matrix()[:, 2]
+    flip = np.diag([1.0, -1.0, 1.0, 1.0])
+    flip[1, 3] = 1
+    return {
+        "type": "bitmap", "bitmap": mitsuba.Bitmap(np.array(image, np.float32)), "raw": True,
+        "filter_type": texture.filter, "wrap_mode": texture.wrap[0],
+        "to_uv": mitsuba.ScalarTransform4f(flip @ matrix @ flip),
+    }  # fmt: skip
+
+
+def _linear(texture: Texture) -> Any:
+    """(H, W, C) float64: what the texels of a texture mean."""
+    if texture.image.dtype != np.uint8:
+        return texture.image.astype(np.float64)
+    value = texture.image / 255
+    curve = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return np.concatenate([(curve if texture.srgb else value)[:, :, :3], value[:, :, 3:]], axis=2)
+
+
 def _colour(value: Any) -> Dictionary:
     if isinstance(value, Texture):
-        bitmap = mitsuba.Bitmap(np.ascontiguousarray(value.image, np.float32))
-        return {"type": "bitmap", "bitmap": bitmap, "raw": True, "filter_type": "bilinear", "wrap_mode": "repeat"}
+        return _bitmap(value, _linear(value)[:, :, :3] * value.factor)
     return {"type": "rgb", "value": [float(part) for part in value]}
 
 
-def bsdf(material: Material) -> Dictionary:
-    """A material of one lobe."""
+def _number(value: Any) -> Any:
+    if not isinstance(value, Texture):
+        return value
+    return _bitmap(value, _linear(value)[:, :, [max("rgba".find(value.channel), 0)]] * value.factor[0])
+
+
+def surface_bsdf(material: Appearance) -> Dictionary:
+    """A matt surface, a mix of such ones, and what may go with them."""
+    if isinstance(material, Mix):
+        parts = {name: surface_bsdf(part) for name, part in material.parts().items()}
+        made = {"type": "blendbsdf", "weight": _number(material.weight), **parts}
+    else:
+        assert isinstance(material, Diffuse)
+        assert material.roughness == 0
+        made = {"type": "diffuse", "reflectance": _colour(material.reflectance)}
+    if material.normal_map is not None:
+        bitmap = _bitmap(material.normal_map, material.normal_map.image)
+        made = {"type": "normalmap", "normalmap": bitmap, "bsdf": made, "use_shadowing_function": False}
+    if material.two_sided and not isinstance(material, Mix):
+        made = {"type": "twosided", "bsdf": made}
+    if material.has_holes:
+        made = {"type": "mask", "opacity": _number(material.opacity), "bsdf": made}
+    return made
+
+
+def bsdf(material: Material | Appearance) -> Dictionary:
+    """A material of one lobe, or a surface."""
+    if isinstance(material, ThinDielectric):
+        return {"type": "thindielectric", "int_ior": material.ior, "specular_transmittance": _colour(material.tint)}
+    if isinstance(material, Conductor):
+        eta, k = (_colour(part) for part in material.index)
+        return {"type": "twosided", "bsdf": {"type": "conductor", "eta": eta, "k": k}}
+    if isinstance(material, Appearance):
+        return surface_bsdf(material)
     if material.is_dielectric:
         return {"type": "dielectric", "int_ior": material.index, "ext_ior": 1.0}
     if material.specular is not None:
@@ -90,17 +159,27 @@ def _light(light: Any) -> Dictionary:
     return {"type": "point", "position": list(light.position), "intensity": _colour(np.pi * np.array(light.colour))}
 
 
-def _sensor(camera: Camera, width: int, height: int) -> Dictionary:
+def _sensor(camera: Camera, width: int, height: int, rfilter: Dictionary) -> Dictionary:
     target = np.add(camera.position, camera.direction)
     to_world = mitsuba.ScalarTransform4f().look_at(list(camera.position), target.tolist(), list(camera.up))
-    lens: Dictionary = {"type": "perspective"}
+    lens: Dictionary = {"type": "perspective", "fov": camera.fov, "fov_axis": "y"}
     if camera.aperture > 0:
-        lens = {"type": "thinlens", "aperture_radius": camera.aperture, "focus_distance": camera.focus}
+        lens |= {"type": "thinlens", "aperture_radius": camera.aperture, "focus_distance": camera.focus}
+    elif any(camera.shift):
+        # In parts of the width and of the height, and y counts downwards.
+        longer = max(width, height)
+        lens["principal_point_offset_x"] = camera.shift[0] * longer / width
+        lens["principal_point_offset_y"] = -camera.shift[1] * longer / height
+    if camera.projection == "orthographic":
+        assert width == height
+        assert not any(camera.shift)
+        half = camera.extent / 2
+        lens, to_world = {"type": "orthographic"}, to_world @ mitsuba.ScalarTransform4f().scale([half, half, 1])
     film = {
-        "type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"},
-        "pixel_format": "rgb", "component_format": "float32",
+        "type": "hdrfilm", "width": width, "height": height, "rfilter": rfilter,
+        "pixel_format": "rgb", "component_format": "float32", "sample_border": True,
     }  # fmt: skip
-    return lens | {"fov": camera.fov, "fov_axis": "y", "to_world": to_world, "film": film, "near_clip": 1e-4}
+    return lens | {"to_world": to_world, "film": film, "near_clip": 1e-4}
 
 
 def mitsuba_renders(
@@ -113,6 +192,7 @@ def mitsuba_renders(
     spp: int,
     seeds: int,
     environment: Any = None,
+    rfilter: Dictionary | None = None,
 ) -> np.ndarray:
     """(seeds, H, W, 3): the scene by Mitsuba.
 
@@ -125,12 +205,13 @@ def mitsuba_renders(
         spp: samples per pixel.
         seeds: number of renders.
         environment: a function of directions (..., 3) that gives radiance (..., 3), or None.
+        rfilter: Mitsuba's reconstruction filter; the box where None.
     """
     whole: Dictionary = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": max_depth + 1, "rr_depth": 10_000},
     }
-    whole["sensor"] = _sensor(scene.camera(), width, height)
+    whole["sensor"] = _sensor(scene.camera(), width, height, rfilter or {"type": "box"})
     for k, shape in enumerate(scene.shapes):
         whole[f"shape{k}"] = _shape(shape, folder / f"{k}.ply")
     for k, light in enumerate(scene.lights):

@@ -6,7 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from lumipath.scene import Cone, Environment, Material, Mesh, Shape, Sphere, Texture
+from lumipath.scene import (
+    Conductor,
+    Cone,
+    Diffuse,
+    Environment,
+    Material,
+    Mesh,
+    Mix,
+    Shape,
+    Sphere,
+    Texture,
+)
 
 
 def moved(x: float, y: float, z: float) -> np.ndarray:
@@ -89,3 +100,19 @@ def hidden(*names: str) -> list[Shape]:
         "quadric lamp": lambda: Sphere(transform=small, material=lamp),
     }
     return [shapes[name]() for name in names]
+
+
+def hidden_surfaces() -> list[Shape]:
+    """Shapes that nobody sees, with all that surfaces may have: scenes with them share their kernels."""
+    small = moved(0.0, -90.0, 0.0) @ scaled(0.01)
+    flat = Texture(np.full((1, 1, 3), 0.5))
+    mix = Mix(first=Conductor(anisotropy=0.5), second=Diffuse(roughness=1.0), weight=flat, opacity=flat)
+    corners = (small @ np.array([(0, 0, 0, 1), (1, 0, 0, 1), (0, 1, 0, 1)]).T).T[:, :3]
+    uvs = [(0, 0), (1, 0), (0, 1)]
+    tinted = Diffuse(normal_map=flat, emission=1e-6, two_sided=False)
+    return [
+        Sphere(transform=small, material=mix),
+        Sphere(transform=small, material=Diffuse(emission=1e-6)),
+        Mesh(vertices=corners, faces=[(0, 1, 2)], uvs=uvs, colours=np.ones((3, 4)), material=tinted),
+        Mesh(vertices=corners, faces=[(0, 1, 2)], normals=np.eye(3) + 0.1, material=tinted),
+    ]

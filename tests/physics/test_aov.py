@@ -15,8 +15,11 @@ from lumipath.rendering.layer_film import LAYER_SAMPLES
 from lumipath.rendering.session import Session
 from lumipath.scene import Box, Camera, Material, Mesh, Scene, Sphere, Square, Texture
 from lumipath.scenes import builtin
-from lumipath.settings import LAYERS
+from lumipath.settings import LAYERS as ALL_LAYERS
+from lumipath.settings import LIGHT_LAYERS
 
+# Those of the first surface; test_light_layers.py is about the others.
+LAYERS = tuple(name for name in ALL_LAYERS if name not in (*LIGHT_LAYERS, "variance"))
 AHEAD = Camera(position=(0, 0, 4), fov=40)
 RED = Material(diffuse=(0.8, 0.2, 0.1), name="red")
 BLUE = Material(diffuse=(0.1, 0.3, 0.9), name="blue")
@@ -308,8 +311,8 @@ PROGRAM = """
 import json, sys
 import lumipath as lp
 from lumipath.scenes import builtin
-from lumipath.settings import LAYERS
 
+LAYERS = sys.argv[1].split(",")
 image = lp.render(builtin("glass"), device="cpu", integrator="depth", width=8, height=6, spp=2, threads=1, aov=LAYERS)
 json.dump({name: image[name].tolist() for name in LAYERS}, sys.stdout)
 """
@@ -317,7 +320,11 @@ json.dump({name: image[name].tolist() for name in LAYERS}, sys.stdout)
 
 def run(**environment):
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], env={**os.environ, **environment}, capture_output=True, text=True, check=True
+        [sys.executable, "-c", PROGRAM, ",".join(LAYERS)],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return json.loads(done.stdout)
 

@@ -26,12 +26,27 @@ def film_with(count):
     return film
 
 
-def write_for_ever(path, count):
+def write(path, count):
     identity = Identity.of(Scene(), RenderSettings(width=WIDTH, height=HEIGHT))
+    film = film_with(count)
+    Checkpoint(film, identity, (range_of(film, 0, 0),), 0.0, "scene", "device").save(path)
+
+
+def write_for_ever(path, count):
     while True:
         count += 1
-        film = film_with(count)
-        Checkpoint(film, identity, (range_of(film, 0, 0),), 0.0, "scene", "device").save(path)
+        write(path, count)
+
+
+def seconds_of_a_writer(path):
+    """What a process takes to write one file: on a busy machine a fixed time would be over before it had begun."""
+    start = time.perf_counter()
+    child = os.fork()
+    if child == 0:
+        write(path, 1)
+        os._exit(0)
+    os.waitpid(child, 0)
+    return time.perf_counter() - start
 
 
 def last_count(path):
@@ -46,12 +61,12 @@ def last_count(path):
 
 def main(path, kills):
     random.seed(11)
-    count = cut_short = 0
+    span, count, cut_short = seconds_of_a_writer(path), 1, 0
     for _ in range(kills):
         child = os.fork()
         if child == 0:
             write_for_ever(path, count)
-        time.sleep(random.uniform(0.0, 0.02))
+        time.sleep(random.uniform(0.0, 4 * span))
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         left = list(path.parent.glob(".lumipath-*"))

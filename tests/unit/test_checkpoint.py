@@ -56,6 +56,18 @@ class TestRoundTrip:
         assert after.ranges == (SampleRange(7, 100, 104, True),)
         assert (after.seconds, after.scene_name, after.device) == (1.5, "a scene", "a device")
 
+    def test_layers_come_back(self, tmp_path):
+        film = Film(7, 5, layer_names=("direct", "light_key"))
+        film.parts[...] = np.random.default_rng(1).random(film.parts.shape)
+        film.parts_lost[...] = 1e-9
+        film.counts[...] = 4
+        checkpoint_of(film).save(tmp_path / "a.ckpt")
+        after = Checkpoint.load(tmp_path / "a.ckpt")
+        assert after.film.layer_names == ("direct", "light_key")
+        assert [array.tobytes() for array in after.film.arrays] == [array.tobytes() for array in film.arrays]
+        assert after.image().layer_names == ("direct", "light_key")
+        np.testing.assert_allclose(after.image()["light_key"], film.parts[..., 3:] / 4, rtol=1e-6)
+
     def test_it_is_a_plain_archive_of_arrays(self, tmp_path):
         checkpoint_of().save(tmp_path / "a.ckpt")
         with np.load(tmp_path / "a.ckpt", allow_pickle=False) as archive:

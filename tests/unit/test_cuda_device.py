@@ -228,7 +228,9 @@ def test_an_interrupt_in_a_launch_leaves_true_counts(device):
     before = signal.getsignal(signal.SIGINT)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        schedule(device, Scheduler(during=lambda: signal.raise_signal(signal.SIGINT)))
+        # Only once: a second one would come when nobody waits for it any more.
+        keys = [signal.SIGINT]
+        schedule(device, Scheduler(during=lambda: keys and signal.raise_signal(keys.pop())))
         film = Film(4, 3)
         with pytest.raises(KeyboardInterrupt):
             list(render(device, film, 1 << 20))
@@ -264,8 +266,8 @@ def test_a_gpu_without_room_for_two_sums_goes_on_with_one(device, monkeypatch):
 
     def zeros(shape, dtype):
         made.append(shape)
-        # Room for the three arrays of one worker of each GPU.
-        if len(made) > 3 * GPUS:
+        # Room for the arrays of sums of one worker of each GPU.
+        if len(made) > 5 * GPUS:
             raise OutOfMemoryError("no room")
         return np.zeros(shape, dtype).view(HostArray)
 

@@ -210,6 +210,19 @@ def test_the_script_of_the_pictures_runs(tmp_path):
     assert lumipath.Image.load(tmp_path / "pictures" / "cornell-box.jpg").width == 16
 
 
+def test_the_script_of_the_pictures_of_cameras_runs(tmp_path):
+    script = ROOT / "docs" / "camera_pictures.py"
+    found = run_python(
+        f"import runpy, pathlib; module = runpy.run_path({str(script)!r}); print(*module['PICTURES']);"
+        "module['main'](['filter-box'], pathlib.Path('pictures'), width=8, spp=2)",
+        tmp_path,
+    )
+    assert lumipath.Image.load(tmp_path / "pictures" / "filter-box.png").width == 64
+    there = {path.stem for path in (ROOT / "docs" / "images" / "cameras").iterdir()}
+    assert there == set(found.splitlines()[0].split())
+    assert all(f"(images/cameras/{name}." in read("docs/cameras.md") for name in there)
+
+
 @pytest.mark.parametrize("name", ["render_a_file", "build_a_scene", "progressive"])
 def test_examples_run(name, tmp_path):
     path = ROOT / "examples" / f"{name}.py"

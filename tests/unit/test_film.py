@@ -43,6 +43,69 @@ class TestManySamples:
         assert (Film(3, 4).mean() == 0).all()
 
 
+def layered(count, *names, value=0.5, width=3, height=2):
+    """A film of equal samples, the k-th layer of which is k times the image; `variance` is of one outlier."""
+    film = Film(width, height, layer_names=names)
+    film.total[...], film.counts[...] = value * count, count
+    for k in range(len(names)):
+        film.parts[..., 3 * k : 3 * k + 3] = k * value * count
+    return film
+
+
+class TestLayers:
+    def test_means(self):
+        layers = layered(4, "emission", "direct").layers()
+        assert [float(layers[name].mean()) for name in ("emission", "direct")] == [0, 0.5]
+        assert Film(3, 2).layers() == {}
+
+    def test_variance_is_that_of_the_mean_with_bessels_correction(self):
+        samples = np.random.default_rng(3).random((5, 2, 3, 3))
+        film = Film(3, 2, layer_names=("variance",))
+        film.total[...], film.parts[...], film.counts[...] = samples.sum(axis=0), (samples**2).sum(axis=0), 5
+        np.testing.assert_allclose(film.layers()["variance"], samples.var(axis=0, ddof=1) / 5, rtol=1e-4)
+
+    @pytest.mark.parametrize("count", [0, 1])
+    def test_fewer_than_two_samples_have_no_variance(self, count):
+        film = layered(count, "variance")
+        film.parts[...] = 7
+        assert not film.layers()["variance"].any()
+
+    def test_digits_past_two_to_the_24_count(self):
+        film, one = layered(1 << 24, "emission", "direct", value=0.1), layered(1, "emission", "direct", value=0.1)
+        before = film.parts.astype(np.float64) + film.parts_lost
+        for _ in range(50):
+            film.add(one)
+        added = film.parts.astype(np.float64) + film.parts_lost - before
+        np.testing.assert_allclose(added[..., 3:], 5, rtol=1e-6)
+        assert not added[..., :3].any()
+
+    def test_only_common_layers_survive_a_sum(self):
+        film = layered(4, "emission", "direct", "variance")
+        film.add(layered(2, "variance", "direct"))
+        assert film.layer_names == ("direct", "variance")
+        # A sum of 4 times 0.5 times 1, the number of the layer, and one of 2 times 0.5 times 1.
+        np.testing.assert_array_equal(film.parts[..., :3], 3)
+        np.testing.assert_array_equal(film.parts[..., 3:], 2 * 0.5 * 4)
+
+    def test_levelling_adds_layers_where_samples_are_missing(self):
+        film = layered(4, "direct", "emission")
+        film.counts[0, 0] = 2
+
+        def render(missing, last):
+            assert missing.layer_names == film.layer_names
+            missing.parts[...] = last - missing.counts[..., None]
+            missing.counts[...] = last
+
+        level(film, render)
+        assert film.parts[0, 0].tolist() == [2, 2, 2, 4, 4, 4]
+        assert film.parts[1, 1].tolist() == [0, 0, 0, 2, 2, 2]
+
+    def test_their_memory_is_asked_for(self, monkeypatch):
+        monkeypatch.setattr(memory, "available_memory", lambda: 10_000)
+        with pytest.raises(UsageError, match=f"need {100 * 100 * (BYTES_PER_PIXEL + 2 * 36)} bytes"):
+            Film(100, 100, layer_names=("direct", "variance"))
+
+
 class TestLevel:
     def test_every_pixel_gets_what_it_lacks(self):
         film = Film(4, 3)

@@ -34,12 +34,13 @@ def image():
     pixels = np.random.default_rng(7).uniform(0, 5, (HEIGHT, WIDTH, 3))
     matrix = tuple(float(k) / 2 for k in range(16))
     metadata = {"samples": 4.0, "seed": 3, "object_names": '["floor"]', "worldToCamera": matrix}
-    return Image(pixels, metadata, {name: layer(name, k) for k, name in enumerate(reversed(LAYERS))})
+    return Image(pixels, metadata, {name: layer(name, k) for k, name in enumerate(reversed(REGISTRY))})
 
 
 class TestRegistry:
     def test_settings_and_registry_name_the_same_layers(self):
-        assert tuple(REGISTRY) == LAYERS
+        # One name stands for as many layers as a scene has groups.
+        assert tuple(REGISTRY) == tuple(name for name in LAYERS if name != "light_groups")
 
     def test_the_kernel_fills_what_is_a_mean(self):
         means = {name for name, entry in REGISTRY.items() if entry.made in (Made.SAMPLES, Made.HITS)}
@@ -80,7 +81,7 @@ class TestSetting:
 
 class TestImage:
     def test_layers_by_name(self, image):
-        assert image.layer_names == tuple(reversed(LAYERS))
+        assert image.layer_names == tuple(reversed(REGISTRY))
         assert image["depth"].shape == (HEIGHT, WIDTH, 1)
         assert image["normal"].dtype == np.float32
         assert image["object_id"].dtype == np.int32
@@ -108,8 +109,71 @@ class TestImage:
         assert image.select_layers().layer_names == ()
         assert image.select_layers().metadata == image.metadata
 
-    def test_a_notebook_shows_the_image(self, image):
+    def test_a_notebook_shows_the_image_and_every_layer(self, image):
         assert image._repr_png_().startswith(b"\x89PNG")
+        page = image._repr_html_()
+        assert page.count("data:image/png;base64,") == 1 + len(image.layers)
+        for name in image.layer_names:
+            assert f"<br>{name}</span>" in page
+        assert "samples 4" in page
+        assert "worldToCamera" not in page
+
+
+class TestShow:
+    def test_the_image_with_exposure_and_tone_map(self, image):
+        np.testing.assert_array_equal(image.show(1.5, "agx").pixels, image.to_uint8(1.5, "agx"))
+        assert image.show()._repr_png_() == image._repr_png_()
+
+    def test_light_has_exposure(self):
+        grey = np.full((2, 3, 3), 0.125)
+        image = Image(grey, layers={"direct": grey, "light_key": grey, "variance": grey**2, "albedo": grey})
+        for name in ("direct", "light_key", "variance"):
+            assert (image.show(exposure=2, layer=name).pixels == 188).all()
+        assert (image.show(exposure=2, layer="albedo").pixels == image.show(layer="direct").pixels).all()
+
+    def test_normals(self):
+        image = Image(np.zeros((1, 2, 3)), layers={"normal": [[(0, 0, 1), (-1, 0, 0)]]})
+        assert image.show(layer="normal").pixels.tolist() == [[[128, 128, 255], [0, 128, 128]]]
+
+    def test_distances_and_counts_are_shares_of_the_greatest(self):
+        image = Image(
+            np.zeros((1, 3, 3)), layers={"depth": np.array([[0, 5.0, 10]]), "samples": np.array([[32, 64, 64]])}
+        )
+        assert image.show(layer="depth").pixels[0, :, 0].tolist() == [0, 128, 255]
+        assert image.show(layer="samples").pixels[0, :, 2].tolist() == [128, 255, 255]
+
+    def test_places_and_uv(self):
+        image = Image(np.zeros((1, 2, 3)), layers={"position": [[(-1, 0, 1), (1, 1, 1)]], "uv": [[(0, 0), (1, 0.5)]]})
+        assert image.show(layer="position").pixels[0].tolist() == [[0, 128, 255], [255, 255, 255]]
+        assert image.show(layer="uv").pixels[0].tolist() == [[0, 0, 0], [255, 128, 0]]
+
+    def test_numbers_have_colours_of_their_own_and_nothing_is_black(self):
+        image = Image(np.zeros((1, 9, 3)), layers={"object_id": np.arange(-1, 8)[None]})
+        shown = image.show(layer="object_id").pixels[0]
+        assert not shown[0].any()
+        assert len({tuple(colour) for colour in shown.tolist()}) == 9
+
+    def test_values_that_are_not_finite(self):
+        image = Image(
+            np.zeros((1, 2, 3)), layers={"depth": np.array([[np.inf, 2.0]]), "mine": np.full((1, 2, 4), np.nan)}
+        )
+        assert image.show(layer="depth").pixels[0, :, 0].tolist() == [0, 255]
+        assert not image.show(layer="mine").pixels.any()
+
+    def test_small_pictures_are_small(self):
+        image = Image(np.zeros((300, 1000, 3)))
+        assert image.show().smaller(160).pixels.shape[1] <= 160
+        assert image.show().smaller(2000).pixels.shape == (300, 1000, 3)
+
+    def test_errors(self, image):
+        with pytest.raises(UsageError, match="no layer 'dept'"):
+            image.show(layer="dept")
+        with pytest.raises(UsageError, match="tonemap is 'acse'"):
+            image.show(layer="depth", tonemap="acse")
+
+    def test_names_are_escaped(self):
+        image = Image(np.zeros((1, 1, 3)), {"scene": "<b>"}, {"a<b": np.zeros((1, 1))})
+        assert "<b>" not in image._repr_html_()
 
 
 class TestFiles:
@@ -120,7 +184,7 @@ class TestFiles:
         again = Image.load(tmp_path / f"a{suffix}")
         np.testing.assert_array_equal(again.pixels, image.pixels)
         assert set(again.layer_names) == set(image.layer_names)
-        for name in LAYERS:
+        for name in REGISTRY:
             assert again[name].dtype == image[name].dtype
             np.testing.assert_array_equal(again[name], image[name])
         assert again.metadata == image.metadata
@@ -153,7 +217,7 @@ class TestFiles:
     def test_npz_is_for_numpy(self, tmp_path, image):
         image.save(tmp_path / "a.npz")
         with np.load(tmp_path / "a.npz") as archive:
-            assert sorted(archive.files) == sorted(["image", "metadata", *LAYERS])
+            assert sorted(archive.files) == sorted(["image", "metadata", *REGISTRY])
             np.testing.assert_array_equal(archive["image"], image.pixels)
             np.testing.assert_array_equal(archive["object_id"], image["object_id"])
             assert json.loads(str(archive["metadata"]))["seed"] == 3
@@ -211,7 +275,7 @@ class TestLayerFilm:
     def test_memory_is_asked_for_before_it_is_taken(self, monkeypatch):
         monkeypatch.setattr(memory, "available_memory", lambda: 1_000_000)
         with pytest.raises(
-            UsageError, match="1000 x 1000 pixels need 48000000 bytes for the layers normal, and 1000000"
+            UsageError, match="1000 x 1000 pixels need 52000000 bytes for the layers normal, and 1000000"
         ):
             LayerFilm(["normal"], 1000, 1000, 4)
         assert LayerFilm(["normal"], 100, 100, 4).arrays.sums.shape == (100, 100, 3)

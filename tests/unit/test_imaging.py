@@ -12,6 +12,7 @@ import pytest
 
 import lumipath
 from lumipath.errors import CheckpointError, ImageError, RenderError, UsageError
+from lumipath.formats.srgb import encode_srgb
 from lumipath.imaging import comparison, denoising
 from lumipath.imaging.comparison import compare
 from lumipath.imaging.denoising import denoise
@@ -19,7 +20,6 @@ from lumipath.imaging.falsecolour import colour_map, false_colour
 from lumipath.imaging.files import open_image
 from lumipath.imaging.statistics import describe
 from lumipath.rendering.image import Image
-from lumipath.rendering.tonemap import encode_srgb
 
 SOURCES = str(Path(lumipath.__path__[0]).parent)
 

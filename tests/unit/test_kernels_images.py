@@ -12,7 +12,7 @@ from lumipath.kernels.alias import pick_alias
 from lumipath.kernels.camera import camera_ray
 from lumipath.kernels.environment import environment_from, sample_environment
 from lumipath.kernels.sampler import Numbers
-from lumipath.kernels.textures import bilinear
+from lumipath.kernels.textures import texture_colour
 from lumipath.lang import Features, Vec3, i32
 from lumipath.pack.alias import alias_table
 from lumipath.pack.layout import ENVIRONMENT, LENS
@@ -24,7 +24,7 @@ from lumipath.settings import RenderSettings
 
 
 def _texture(scene, number, u, v):
-    c = bilinear(scene, number, u, v)
+    c = texture_colour(scene, number, u, v, 0.0)
     return c.x, c.y, c.z
 
 

@@ -50,7 +50,7 @@ def all_kinds():
 
 @pytest.fixture(scope="module")
 def packed():
-    return pack_scene(all_kinds(), "tree").scene
+    return pack_scene(all_kinds(), light_sampling="tree").scene
 
 
 def pick(scene, ox, oy, oz, nx, ny, nz, u):
@@ -131,7 +131,7 @@ def test_the_probability_found_upwards_is_that_of_the_way_down(packed, where):
 
 
 def test_probabilities_without_a_normal_add_up_to_1_but_for_what_turns_away_at_last():
-    alone = pack_scene(Scene(shapes=all_kinds().shapes), "tree").scene
+    alone = pack_scene(Scene(shapes=all_kinds().shapes), light_sampling="tree").scene
     assert alone.tree_probability == 1
     primitives = np.nonzero(alone.emitter_node >= 0)[0].astype(np.int32)
     assert len(primitives) == alone.light_count
@@ -141,7 +141,7 @@ def test_probabilities_without_a_normal_add_up_to_1_but_for_what_turns_away_at_l
 
 def test_whatever_lights_a_point_can_be_chosen():
     mesh = scattered_triangles(300, two_sided=False)
-    scene = pack_scene(Scene(shapes=[mesh]), "tree").scene
+    scene = pack_scene(Scene(shapes=[mesh]), light_sampling="tree").scene
     rng = np.random.default_rng(8)
     corners = mesh.vertices[mesh.faces].astype(float)
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -164,7 +164,7 @@ def test_whatever_lights_a_point_can_be_chosen():
 
 def test_nothing_below_the_horizon_is_chosen():
     shapes = [Sphere(transform=moved(x, -1, 0) @ scaled(0.1), material=Material(emission=1.0)) for x in range(5)]
-    scene = pack_scene(Scene(shapes=shapes), "tree").scene
+    scene = pack_scene(Scene(shapes=shapes), light_sampling="tree").scene
     light, pdf, rival = picks(scene, (0, 0, 0), (0, 1, 0), 1000)
     assert (light == -1).all()
     assert pdf.max() == rival.max() == 0
@@ -254,7 +254,7 @@ def test_a_tree_puts_near_lights_together():
 )
 def test_the_setting_chooses_the_way(sampling, count, expected):
     mesh = scattered_triangles(count)
-    scene = pack_scene(Scene(shapes=[mesh]), sampling).scene
+    scene = pack_scene(Scene(shapes=[mesh]), light_sampling=sampling).scene
     assert scene.features.mask == layout.TRIANGLE_LIGHTS | expected
     # Arrays on a device are never empty.
     assert len(scene.light_nodes) == (2 * count if expected == layout.LIGHT_TREE else 1)
@@ -267,7 +267,7 @@ def test_the_setting_chooses_the_way(sampling, count, expected):
 
 def test_a_tree_over_nothing_is_no_tree():
     scene = pack_scene(
-        Scene(shapes=[quad((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))], environment=sky()), "tree"
+        Scene(shapes=[quad((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))], environment=sky()), light_sampling="tree"
     ).scene
     assert scene.features.mask == layout.ENVIRONMENT
     assert scene.environment_probability == 1

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from parts import hidden, quad, scaled, sky, sphere_mesh, turned
 
-from lumipath.errors import LumipathWarning
+from lumipath.errors import LumipathWarning, SceneError
 from lumipath.lang import features_of
 from lumipath.pack import layout
 from lumipath.pack.geometry import quadric_box
-from lumipath.pack.scene import pack_scene, settings_features
+from lumipath.pack.scene import film_layers, pack_scene, settings_features
 from lumipath.scene import (
     AmbientLight,
     Box,
@@ -134,6 +134,49 @@ def test_point_and_directional_lights_are_counted_and_ambient_ones_added_up():
     assert dark.extent == pytest.approx(3**0.5)
 
 
+def test_lights_of_every_kind_know_their_group():
+    glow = Material(emission=1, group="glow")
+    scene = Scene(
+        shapes=[Box(material=glow), Sphere(material=glow), Sphere(material=Material(diffuse=1, group="dull"))],
+        lights=[PointLight(position=(0, 9, 0), group="key"), DirectionalLight(), AmbientLight()],
+        environment=Environment(image=np.ones((2, 4, 3)), group="back"),
+    )
+    packed = pack_scene(scene).scene
+    assert scene.light_groups == ("default", "back", "glow", "key")
+    assert packed.group_count == 4
+    numbers = packed.lights.view(np.int32)
+    kinds, groups = numbers[:, 3], numbers[:, layout.LIGHT_GROUP]
+    expected = {
+        layout.TRIANGLE_LIGHT: 2,
+        layout.QUADRIC_LIGHT: 2,
+        layout.POINT_LIGHT: 3,
+        layout.DIRECTIONAL_LIGHT: 0,
+        layout.ENVIRONMENT_LIGHT: 1,
+    }
+    assert {int(kind) for kind in kinds} == {int(kind) for kind in expected}
+    for kind, group in expected.items():
+        assert (groups[kinds == kind] == group).all()
+    # The environment, what glows, and what does not.
+    assert packed.light_groups.tolist() == [1, 2, 0]
+
+
+def test_layers_of_the_film_are_named_in_the_order_of_their_columns():
+    scene = Scene(lights=[PointLight(position=(0, 1, 0), group="key")])
+    settings = RenderSettings(aov=("variance", "light_groups", "direct", "depth"))
+    names = film_layers(settings, scene)
+    assert names == ("emission", "direct", "indirect", "light_default", "light_key", "variance")
+    assert settings_features(settings, Camera()) & layout.FILM_LAYERS == layout.FILM_LAYERS
+    assert film_layers(RenderSettings(aov=("depth", "samples")), scene) == ()
+    assert film_layers(RenderSettings(aov=("emission", "variance"), integrator="ao"), scene) == ("variance",)
+
+
+@pytest.mark.parametrize("group", ["a.b", "key light", "ключ", 3])
+def test_names_of_groups_are_names_of_channels(group):
+    for make in (lambda: PointLight(position=(0, 0, 0), group=group), lambda: Material(group=group)):
+        with pytest.raises(SceneError, match=r"group is .*: it must be a name of letters, digits, - and _"):
+            make()
+
+
 def test_a_normal_map_that_only_repeats_the_faces_is_not_smooth():
     flat = quad((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))
     mesh = Mesh(vertices=flat.vertices, faces=flat.faces, normals=[(0, 0, -3)] * 4)
@@ -196,8 +239,9 @@ def test_equal_material_objects_share_a_record_and_textures_are_stored_once():
     shared = Material(diffuse=TEXTURE, specular=TEXTURE)
     packed = pack_scene(Scene(shapes=[Box(material=shared), Sphere(material=shared), Box(material=Material())])).scene
     assert packed.materials.shape == (2, layout.MATERIAL_SIZE)
-    assert packed.textures.tolist() == [[0, 3, 2, 0]]
-    assert packed.texels.shape == (6, 4)
+    assert packed.textures.view(np.int32)[:, :3].tolist() == [[0, 3, 2]]
+    # Six texels, and a coarser step of one.
+    assert packed.texels.shape == (7, 4)
     assert (packed.primitives.view(np.int32)[:, 3] & layout.MATERIAL_MASK).tolist() == [0] * 12 + [1] * 12 + [0]
 
 

@@ -142,7 +142,7 @@ def ball(scene, ox, oy, oz, u, v):
     o = Vec3(ox, oy, oz)
     s = sample_quadric_light(scene, i32(0), o, u, v)
     ray = Ray(o, s.direction, s.distance)
-    hit = Hit(s.distance, scene.triangle_count)
+    hit = Hit(s.distance, scene.triangle_count, i32(-1))
     density = emitter_pdf(scene, ray, hit, surface_at(scene, ray, hit))
     return s.direction.x, s.direction.y, s.direction.z, s.distance, s.pdf, density
 

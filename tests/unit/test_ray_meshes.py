@@ -140,7 +140,7 @@ def test_maps_lie_on_every_triangle(picture):
     mesh = mesh_of(body, "translate(1,0,0,@)", picture)
     assert isinstance(mesh.material.diffuse, Texture)
     assert mesh.material.diffuse is mesh.material.emission
-    assert mesh.material.diffuse.image.tolist() == [[[1, 0, 0], [0, 0, 0]]]
+    assert mesh.material.diffuse.image.tolist() == [[[255, 0, 0], [0, 0, 0]]]
     assert mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
     assert mesh.uvs.tolist() == [[0, 0], [1, 0], [0, 1]] * 2
     assert mesh.vertices[3:].tolist() == [[1, 0, 0], [2, 1, 0], [1, 1, 0]]

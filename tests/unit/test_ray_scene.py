@@ -86,6 +86,14 @@ def test_lights():
     assert ambient.colour == (0.25, 0.5, 1)
 
 
+def test_light_groups():
+    scene = scene_of(
+        'point_light { position = (0, 1, 0); group = "key"; } directional_light { group = back; }'
+        "sphere { material = { emissive = 1; group = lamp; } }"
+    )
+    assert scene.light_groups == ("default", "back", "key", "lamp")
+
+
 def test_primitives():
     sphere, box, square, cylinder, cone, open_cone = scene_of("""
         sphere { name = "s" } box { } square { name "q"; } cylinder { }

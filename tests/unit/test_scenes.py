@@ -11,25 +11,37 @@ from lumipath.pack.scene import pack_scene
 from lumipath.scene import (
     AmbientLight,
     Camera,
+    Conductor,
     Cone,
+    Dielectric,
     DirectionalLight,
+    Instance,
+    Material,
     Mesh,
     PointLight,
+    Principled,
     Scene,
     Sphere,
     Texture,
 )
 from lumipath.scenes import DEFAULT, builtin, names
+from lumipath.scenes.forest import forest
 
 TRIANGLES = {
     "cornell-box": 32,
     "cornell-box-specular": 32,
     "cornell-box-transmissive": 34,
     "knot40k": 40_012,
+    "forest": 99_138_050,
     "bench-cornell": 36,
     "bench-blob100k": 99_236,
     "bench-blob1m": 998_012,
+    "bench-materials-cornell": 36,
+    "bench-materials-blob100k": 99_236,
+    "bench-materials-blob1m": 998_012,
 }
+# Metres from the origin that scenes reach at most, if it is more than ten.
+LARGE = {"forest": 160}
 BOXES = ["cornell-box", "cornell-box-specular", "cornell-box-transmissive", "bench-cornell"]
 
 
@@ -53,7 +65,7 @@ class TestEveryScene:
     def test_lies_within_a_few_metres_and_in_view(self, name):
         scene = builtin(name)
         low, high = scene_bounds(scene)
-        assert np.abs([low, high]).max() <= 10
+        assert np.abs([low, high]).max() <= LARGE.get(name, 10)
         camera = scene.camera()
         centre = (low + high) / 2
         assert np.dot(centre - camera.position, camera.direction) > 0
@@ -78,8 +90,10 @@ def test_together_they_use_all_that_a_scene_can_have():
     used = 0
     for scene in scenes:
         used |= pack_scene(scene).scene.features.mask
-    # The bits of layout below MANY_LIGHTS are those of scenes, and few more; the rest belong to settings and trees.
-    assert used == layout.MANY_LIGHTS - 1 | layout.LIGHT_TREE | layout.ROUND_LIGHTS | layout.SUNS
+    # The bits of layout below MANY_LIGHTS are those of every scene; the rest belong to settings, trees and BSDFs.
+    assert used & (layout.MANY_LIGHTS - 1) == layout.MANY_LIGHTS - 1
+    for bit in (layout.INSTANCES, layout.LIGHT_TREE, layout.ROUND_LIGHTS, layout.SUNS):
+        assert used & bit
     assert {type(light) for scene in scenes for light in scene.lights} == {PointLight, DirectionalLight, AmbientLight}
     assert {camera.blades > 0 for scene in scenes for camera in scene.cameras if camera.aperture > 0} == {True, False}
 
@@ -220,10 +234,62 @@ def test_benchmark_scenes_keep_their_values():
     assert part(builtin("bench-cornell"), "lamp").material.emission == pytest.approx((18.387, 13.9873, 6.75357))
 
 
+@pytest.mark.parametrize("size", ["cornell", "blob100k"])
+def test_benchmark_scenes_of_all_materials_have_all_of_them(size):
+    scene, plain = builtin(f"bench-materials-{size}"), builtin(f"bench-{size}")
+    kinds = {type(shape.material) for shape in scene.shapes}
+    assert kinds == {Material, Principled, Conductor, Dielectric}
+    features = pack_scene(scene).scene.features.mask
+    assert features & layout.TEXTURES
+    assert features & layout.ENVIRONMENT
+    assert bool(features & layout.SMOOTH_NORMALS) == (size != "cornell")
+    for shape, before in zip(scene.shapes, plain.shapes):
+        np.testing.assert_array_equal(shape.vertices, before.vertices)
+
+
+def test_the_studio_shows_every_part_of_the_principled_material():
+    features = pack_scene(builtin("materials")).scene.features.mask
+    for part_of_it in (layout.CLEARCOAT, layout.SHEEN, layout.IRIDESCENCE, layout.TRANSMISSION):
+        assert features & part_of_it
+
+
 BLOB_SUMS = (12071.191604, 21571.726491, 12071.191604)
 
 
+class TestForest:
+    def test_has_a_thousand_trees_of_some_100000_triangles_that_are_stored_once(self):
+        scene = builtin("forest")
+        trees = [shape for shape in scene.shapes if isinstance(shape, Instance)]
+        kinds = {id(tree.shape): tree.shape for tree in trees}.values()
+        assert len(trees) == 1000
+        assert [sum(len(part.faces) for part in kind.shapes) for kind in kinds] == [99_120] * 3
+        assert scene.stored_triangle_count < 320_000
+
+    def test_trees_stand_on_the_ground_and_apart(self):
+        scene = forest(trees=60, twigs=1)
+        roots = np.array([shape.transform[:3, 3] for shape in scene.shapes[1:]])
+        ground = scene.shapes[0].vertices.astype(np.float64)
+        nearest = np.linalg.norm(ground[:, None, ::2] - roots[None, :, ::2], axis=2).argmin(axis=0)
+        assert np.abs(ground[nearest, 1] - roots[:, 1]).max() < 0.8
+        apart = np.linalg.norm(roots[:, None] - roots, axis=2) + 1e3 * np.eye(60)
+        assert apart.min() > 0.8
+
+    def test_small_ones_are_cheap(self):
+        scene = forest(trees=3, twigs=1)
+        assert scene.stored_triangle_count < 100_000
+        for part in scene.parts():
+            normals, _ = face_normals_and_centres(part)
+            assert (np.linalg.norm(normals, axis=1) > 0).all()
+
+
 class TestBounds:
+    def test_instances_are_bounded_where_they_stand(self):
+        transform = np.diag([2.0, 2.0, -2.0, 1.0])
+        transform[:3, 3] = (5, 0, 0)
+        low, high = scene_bounds(Scene(shapes=[Instance(Sphere(), transform=transform), Instance([Sphere()])]))
+        np.testing.assert_allclose(low, (-1, -2, -2))
+        np.testing.assert_allclose(high, (7, 2, 2))
+
     def test_sphere_under_a_shear(self):
         transform = np.eye(4)
         transform[0, 1] = 2.0
@@ -250,3 +316,19 @@ class TestBounds:
 
     def test_nothing_has_no_bounds(self):
         assert scene_bounds(Scene(cameras=[Camera()])) is None
+
+
+def test_water_and_glass_overlap_without_reaching_through():
+    scene = builtin("glass-of-water")
+    glass, water = part(scene, "tumbler"), part(scene, "water")
+    for mesh in (glass, water):
+        normals, _ = face_normals_and_centres(mesh)
+        # Closed, and turned outwards: the volume is positive, and the areas of all faces cancel.
+        corners = mesh.vertices[mesh.faces].astype(np.float64)
+        assert np.einsum("ij,ij->", normals, corners[:, 0]) > 0
+        np.testing.assert_allclose(normals.sum(axis=0), 0, atol=1e-9)
+    assert glass.material.priority > water.material.priority
+    # Between the outer side of the glass and its inner one, wherever the water is.
+    assert water.vertices[:, 1].max() < glass.vertices[:, 1].max()
+    assert np.hypot(*water.vertices[:, [0, 2]].T).max() < np.hypot(*glass.vertices[:, [0, 2]].T).max() - 0.001
+    assert water.vertices[:, 1].min() > glass.vertices[:, 1].min() + 0.01

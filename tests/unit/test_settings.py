@@ -27,7 +27,7 @@ def test_every_field_says_what_it_means(attribute):
     assert attribute.metadata["help"].endswith(".")
     assert set(attribute.metadata) == {"help", "unit", "choices"}
     if attribute.metadata["choices"]:
-        assert attribute.default in attribute.metadata["choices"]
+        assert attribute.default in (None, *attribute.metadata["choices"])
 
 
 @pytest.mark.parametrize(

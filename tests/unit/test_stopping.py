@@ -1,12 +1,16 @@
 """When a session stops: by samples, by time, or by both; on a device and a clock of its own."""
 
+import threading
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from lumipath.rendering import session as module
+from lumipath.rendering import stopping
 from lumipath.rendering.session import Session
 from lumipath.scenes import builtin
+from lumipath.settings import RenderSettings
 
 STEP = 0.25
 
@@ -76,7 +80,7 @@ class Device:
 def clock(monkeypatch):
     made = Clock()
     monkeypatch.setattr(module, "time", SimpleNamespace(perf_counter=made.perf_counter))
-    monkeypatch.setattr(module, "threading", SimpleNamespace(Timer=made.timer))
+    monkeypatch.setattr(stopping, "threading", SimpleNamespace(Timer=made.timer, TIMEOUT_MAX=threading.TIMEOUT_MAX))
     return made
 
 
@@ -127,6 +131,44 @@ def test_time_in_which_a_step_is_looked_at_counts(session, clock):
         # The device goes on meanwhile.
         clock.now += 3.0
     assert 10.0 <= made.render_seconds + 1e-3 <= 10.0 + 3.0 + STEP
+
+
+def test_a_time_of_a_hundred_hours(session, clock):
+    hours = 3600.0
+    made = session(time=100 * hours)
+    for number, progress in enumerate(made):
+        if number == 3:
+            assert len(clock.timers) == 1
+            assert progress.remaining_seconds == pytest.approx(100 * hours - progress.seconds)
+            # A day in which nobody looked.
+            clock.now += 24 * hours
+        if number == 4:
+            assert progress.seconds == pytest.approx(24 * hours, rel=1e-4)
+            assert progress.fraction == pytest.approx(0.24, rel=1e-3)
+            clock.now += 75.999 * hours
+    # The timer was set to the end, and the device went on until then.
+    assert made.render_seconds == pytest.approx(100 * hours, rel=1e-6)
+    assert not clock.timers
+    assert made.film.samples > 5
+
+
+def test_a_time_longer_than_threads_can_wait_takes_several_passes(session, clock):
+    made = session(time=10.0)
+    stopping.threading.TIMEOUT_MAX = 4.0
+    made.run()
+    assert made.render_seconds == pytest.approx(10.0, abs=STEP)
+
+
+def test_a_real_timer_takes_a_hundred_hours():
+    device = SimpleNamespace(cancel=lambda: pytest.fail("the time is not up"))
+    film = SimpleNamespace(counts=np.ones((1, 1)))
+    rules = stopping.StopRules(RenderSettings(time=360_000.0), film)
+    with rules.in_time(1.0, device):
+        (timer,) = (thread for thread in threading.enumerate() if isinstance(thread, threading.Timer))
+        assert timer.interval == 359_999.0
+        assert timer.daemon
+    timer.join(10)
+    assert not timer.is_alive()
 
 
 def test_no_timer_is_left(session, clock):

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from lumipath.errors import UsageError
-from lumipath.rendering.tonemap import DATA_INTEGRATORS, data_to_display, decode_srgb, encode_srgb, to_display
+from lumipath.formats.srgb import decode_srgb, encode_srgb
+from lumipath.rendering.tonemap import DATA_INTEGRATORS, data_to_display, to_display
 from lumipath.settings import TONEMAPS
 
 GREYS = np.repeat(np.geomspace(1e-6, 1e6, 5000, dtype=np.float32)[:, None], 3, axis=1)

@@ -4,53 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba.core.caching import NullCache
 from reference_geometry import brute_force, quadric_distances, rotation
+from tracing import METHODS, hits, upload
 
-from lumipath.accel.packets import SORT_KEYS, Order, Rays, trace_rays
-from lumipath.accel.trace8 import primitive_of, trace_slot
-from lumipath.devices.cpu import CpuDevice
-from lumipath.lang import Vec3, aligned_empty, entry, i32, load, store
-from lumipath.pack.scene import pack_scene
-from lumipath.scene import Box, Cone, Cylinder, Material, Mesh, Scene, Sphere, transform_mesh
-
-
-def upload(*shapes):
-    return CpuDevice(1).upload(pack_scene(Scene(shapes=list(shapes))))
-
-
-@entry
-def _trace(scene, rays, n, order, primitives, any_hit, method):
-    if method == 0:
-        for i in range(n):
-            o = Vec3(load(rays.ox, i), load(rays.oy, i), load(rays.oz, i))
-            d = Vec3(load(rays.dx, i), load(rays.dy, i), load(rays.dz, i))
-            found = trace_slot(scene, o, d, i32(0), load(rays.t, i), any_hit)
-            store(rays.t, i, found.t)
-            store(rays.slot, i, found.primitive)
-    else:
-        trace_rays(scene, rays, n, order, any_hit, method == 2)
-    for i in range(n):
-        store(primitives, i, primitive_of(scene.accel, load(rays.slot, i)))
-
-
-# The disk cache does not know the sources of tests.
-_trace._cache = NullCache()
-
-METHODS = {"one by one": 0, "sorted packets": 1, "packets as they come": 2}
+from lumipath.scene import Box, Cone, Cylinder, Material, Mesh, Sphere, transform_mesh
 
 
 def trace(scene, o, d, tmax=np.inf, any_hit=False, method="one by one"):
     """Distances (N,) float32 and primitives (N,), -1 for none; with `any_hit` only whether there is one is defined."""
-    n = len(o)
-    columns = [aligned_empty(n + 64, np.float32) for _ in range(7)]
-    values = [*np.transpose(np.asarray(o, np.float32)), *np.transpose(np.asarray(d, np.float32)), np.float32(tmax)]
-    for column, value in zip(columns, values):
-        column[:n] = value
-    slot, numbers, keys, primitives = (aligned_empty(n + 64, np.int32) for _ in range(4))
-    order = Order(numbers, keys, aligned_empty(SORT_KEYS, np.int32))
-    _trace(scene, Rays(*columns, slot), n, order, primitives, any_hit, METHODS[method])
-    return columns[6][:n].copy(), primitives[:n].astype(np.int64)
+    return hits(scene, o, d, tmax, any_hit, method)[:2]
 
 
 @pytest.fixture(params=METHODS)

@@ -13,7 +13,6 @@ becomes the split. The work has three stages:
 
 from __future__ import annotations
 
-import os
 from functools import partial
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, UsageError
+from ..lang.host import usable_cores
 from . import build_kernels as kernels
 from .build_kernels import LIMIT, MAX_DEPTH, Nodes, Rows, Rules
 from .build_top import CHUNK, Crew, Span, build_top
@@ -90,7 +90,7 @@ def build_tree(
     rules = Rules(int(max_leaf), int(block), float(traversal_cost))
     rows = Rows(np.empty((2, p, 6), np.float32), np.empty((2, p), np.int32))
     # Small trees are done before a second thread would have started.
-    with Crew((threads or _available_cores()) if p > 2 * CHUNK else 1) as crew:
+    with Crew((threads or usable_cores()) if p > 2 * CHUNK else 1) as crew:
         root = _load(low, high, rows, crew)
         top, spans = build_top(rows, root, rules, crew)
         subtrees, order = _build_subtrees(rows, spans, rules, crew)
@@ -115,11 +115,6 @@ def _corners(points: ArrayLike, name: str) -> NDArray[np.float32]:
     if array.ndim != 2 or array.shape[1] != 3:
         raise SceneError(f"{name} must have the shape N x 3, not {' x '.join(map(str, array.shape))}")
     return array
-
-
-def _available_cores() -> int:
-    """Cores that this process may use, which on clusters are often fewer than the machine has."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _load(lower: NDArray[np.float32], upper: NDArray[np.float32], rows: Rows, crew: Crew) -> Span:

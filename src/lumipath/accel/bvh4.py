@@ -9,8 +9,15 @@ from numpy.typing import NDArray
 
 from ..lang import aligned, compiled
 from .build import BinaryTree
+from .two_level import NO_INSTANCES, Trees
 
 MAX_LEAF = 4
+INSTANCE_COUNT = np.int32(15)
+"""In place of the number of triangles in a link: `first` is an instance."""
+LEAVE_COUNT = np.int32(14)
+"""In place of the number of triangles in a link on the stack of a traversal: an instance is left again."""
+WORLD_RAY = 7
+"""Entries of that stack for the ray outside of an instance, and the link to leave it by."""
 
 
 class TreeGPU(NamedTuple):
@@ -21,9 +28,12 @@ class TreeGPU(NamedTuple):
         left, of the right, two links as bits, 2 unused.
         4-wide (WIDE_TREE): origin xyz, step x, step y, step z, then words of four bytes, one for each child: lower x,
         upper x, lower y, upper y, lower z, upper z; then four links as bits.
-        A link is the number of a node, or ~(first * 16 + count) for the triangles of a leaf.
+        A link is the number of a node, ~(first * 16 + count) for the triangles of a leaf, or ~(k * 16 + 15) for
+        instance k.
     triangles: (T, 12) float32: three corners; behind the first its primitive number as bits, behind the second 1 if it
         is seen from both sides. A quadric has its number and 2 there.
+
+    In scenes with instances the trees of the targets follow that of the world.
     """
 
     nodes: NDArray[Any]
@@ -37,7 +47,15 @@ def _leaf_link(first, count):
 
 
 @compiled
-def _binary_nodes(lower, upper, child, first, count, nodes):
+def _link_to(first, count, order, first_instance):
+    """Link to a leaf, or to the instance that is all of it."""
+    if count > 0 and order[first] >= first_instance:
+        return _leaf_link(order[first] - first_instance, INSTANCE_COUNT)
+    return _leaf_link(first, count)
+
+
+@compiled
+def _binary_nodes(lower, upper, child, first, count, order, first_instance, nodes):
     """Fill binary nodes, depth first; returns how many and how deep a stack traversal needs."""
     links = nodes.view(np.int32)
     source = np.empty(160, np.int32)
@@ -71,7 +89,7 @@ def _binary_nodes(lower, upper, child, first, count, nodes):
                 waiting += 1
                 made += 1
             else:
-                links[row, 12 + side] = _leaf_link(first[c], count[c])
+                links[row, 12 + side] = _link_to(first[c], count[c], order, first_instance)
     return made, deepest
 
 
@@ -100,7 +118,7 @@ def _quantise(lower, upper, node, children, found, row, words):
 
 
 @compiled
-def _wide_nodes(lower, upper, child, first, count, nodes):
+def _wide_nodes(lower, upper, child, first, count, order, first_instance, nodes):
     """Fill 4-wide nodes, depth first; returns how many and how deep a stack traversal needs."""
     links = nodes.view(np.int32)
     words = nodes.view(np.uint32)
@@ -156,7 +174,7 @@ def _wide_nodes(lower, upper, child, first, count, nodes):
                 waiting += 1
                 made += 1
             else:
-                links[row, 12 + k] = _leaf_link(first[c], count[c])
+                links[row, 12 + k] = _link_to(first[c], count[c], order, first_instance)
     return made, deepest
 
 
@@ -180,38 +198,66 @@ def _triangles(
 
 
 def gpu_tree(
-    tree: BinaryTree,
+    trees: Trees,
     vertices: NDArray[np.float32],
     faces: NDArray[np.int32],
     two_sided: NDArray[np.bool_],
     solid: NDArray[np.bool_],
     *,
     wide: bool,
-) -> tuple[TreeGPU, int]:
-    """The GPU's form of a binary tree, and the number of links that a traversal may have to remember.
+) -> tuple[TreeGPU, list[int], int]:
+    """The GPU's form of a scene's trees.
 
     Args:
-        tree: over all primitives, triangles first; its leaves hold at most 15.
+        trees: over all primitives, triangles first; their leaves hold at most 13.
         vertices: (V, 3) positions.
         faces: (T, 3) vertex numbers; primitives from T on are quadrics.
         two_sided: (T,) whether a triangle is seen from behind.
         solid: (T,) whether a triangle has an area; without one it is never hit.
         wide: 4-wide with 8-bit boxes instead of binary.
+
+    Returns:
+        The trees, for each target the node that is the root of its tree, and the number of links that a traversal may
+        have to remember.
     """
-    triangles = aligned(_triangles(tree.order, vertices, faces, two_sided, solid))
-    size = max(1, len(tree.child) // 2 + 1)
-    nodes = np.zeros((size, 16), np.float32)
+    nodes, deepest = _nodes(trees.world, trees.first_instance, wide)
+    orders = [tree.order for tree in (trees.world, *trees.targets)]
+    roots = []
+    if trees.targets:
+        below = [_nodes(tree, int(NO_INSTANCES), wide) for tree in trees.targets]
+        nodes, roots = _concatenated([nodes, *(part for part, _ in below)], orders)
+        deepest += WORLD_RAY + max(depth for _, depth in below)
+    rows = _triangles(np.concatenate(orders), vertices, faces, two_sided, solid)
+    return TreeGPU(aligned(nodes), aligned(rows)), roots, deepest
+
+
+def _nodes(tree: BinaryTree, first_instance: int, wide: bool) -> tuple[NDArray[np.float32], int]:
+    """The nodes of one tree, and how many links its traversal may have to remember."""
+    nodes = np.zeros((max(1, len(tree.child) // 2 + 1), 16), np.float32)
     if tree.child[0] < 0:
         # A single leaf becomes the only child of a root.
-        _single_leaf(tree, nodes, wide)
-        return TreeGPU(aligned(nodes[:1]), triangles), 4
+        _single_leaf(tree, nodes, wide, first_instance)
+        return nodes[:1], 4
     fill = _wide_nodes if wide else _binary_nodes
-    made, deepest = fill(tree.lower, tree.upper, tree.child, tree.first, tree.count, nodes)
-    return TreeGPU(aligned(nodes[:made]), triangles), int(deepest)
+    made, deepest = fill(*tree[:5], tree.order, first_instance, nodes)
+    return nodes[:made], int(deepest)
 
 
-def _single_leaf(tree: BinaryTree, nodes: NDArray[np.float32], wide: bool) -> None:
-    leaf = np.int32(_leaf_link(int(tree.first[0]), int(tree.count[0])))
+def _concatenated(
+    parts: list[NDArray[np.float32]], orders: list[NDArray[np.int32]]
+) -> tuple[NDArray[np.float32], list[int]]:
+    """One array of nodes with links into it and into one of all triangles, and the first node of all but the first."""
+    nodes = np.cumsum([0, *map(len, parts)])
+    triangles = np.cumsum([0, *map(len, orders)])
+    for part, node, triangle in zip(parts, nodes, triangles):
+        links = part.view(np.int32)[:, 12:16]
+        is_leaf = (links < 0) & (~links & 15 != INSTANCE_COUNT)
+        links += np.where(links >= 0, np.int32(node), np.where(is_leaf, np.int32(-16 * triangle), np.int32(0)))
+    return np.concatenate(parts), [int(node) for node in nodes[1:-1]]
+
+
+def _single_leaf(tree: BinaryTree, nodes: NDArray[np.float32], wide: bool, first_instance: int) -> None:
+    leaf = np.int32(_link_to(int(tree.first[0]), int(tree.count[0]), tree.order, first_instance))
     links = nodes.view(np.int32)
     if wide:
         _quantise(tree.lower, tree.upper, 0, np.zeros(4, np.int32), 1, nodes[0], nodes.view(np.uint32)[0])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..lang import aligned, compiled
 from .build import BinaryTree
+from .two_level import NO_INSTANCES, Trees
 
 WIDTH = 8
 CELLS = 4
@@ -19,18 +20,25 @@ EMPTY = np.int32(-1)
 TWO_SIDED = np.int32(1 << 30)
 """Set in a group's primitive number where the triangle is seen from behind; without it, it is not."""
 PRIMITIVE_MASK = np.int32((1 << 30) - 1)
+INSTANCE_LINK = np.int32(-(1 << 30))
+"""Less this link by k: to instance k. Groups have links above it."""
+LEAVE = np.int32(-(1 << 31))
+"""No link in a tree, but one on the stack of a traversal: where an instance is left again."""
 
 
 class BVH8(NamedTuple):
     """An 8-wide tree.
 
     nodes: (N, 64) float32: lower x of 8 children, upper x, lower y, upper y, lower z, upper z, then 8 links as bits and
-        8 unused. A link is the number of a node, -1 for no child, or -2 - g for the group g.
+        8 unused. A link is the number of a node, -1 for no child, -2 - g for the group g, or `INSTANCE_LINK` - k for
+        instance k.
     groups: (G, 80) float32: for the 8 primitives of a leaf the x of the first corner, y, z, x of the second, ..., z of
         the third, then 8 primitive numbers as bits: -1 for none, `TWO_SIDED` set where it holds. A quadric has a
         triangle without area, which nothing hits.
     bounds: (8,) float32: the lower corner of everything and 0, then cells per metre along each axis and 0, where
         `CELLS` cells span everything.
+
+    In scenes with instances the trees of the targets follow that of the world.
     """
 
     nodes: NDArray[Any]
@@ -118,7 +126,7 @@ def _write_group(group, numbers, order, first, count, vertices, faces, two_sided
 
 
 @compiled
-def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided, solid, nodes, groups):
+def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided, solid, first_instance, nodes, groups):
     """Fill nodes and groups, depth first; returns how many of each."""
     links = nodes.view(np.int32)
     numbers = groups.view(np.int32)
@@ -152,6 +160,8 @@ def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided,
                 target[waiting] = node_count
                 waiting += 1
                 node_count += 1
+            elif count[c] > 0 and order[first[c]] >= first_instance:
+                links[row, 48 + slot] = INSTANCE_LINK - (order[first[c]] - first_instance)
             else:
                 links[row, 48 + slot] = -2 - group_count
                 _write_group(
@@ -170,26 +180,48 @@ def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided,
 
 
 def widen(
-    tree: BinaryTree,
+    trees: Trees,
     vertices: NDArray[np.float32],
     faces: NDArray[np.int32],
     two_sided: NDArray[np.bool_],
     solid: NDArray[np.bool_],
-) -> BVH8:
-    """The 8-wide tree of a binary one.
+) -> tuple[BVH8, list[int]]:
+    """The 8-wide form of a scene's trees, and for each target the node that is the root of its tree.
 
     Args:
-        tree: over all primitives, triangles first; its leaves hold at most 8.
+        trees: over all primitives, triangles first; their leaves hold at most 8.
         vertices: (V, 3) positions.
         faces: (T, 3) vertex numbers of the triangles; primitives from T on are quadrics.
         two_sided: (T,) whether a triangle is seen from behind.
         solid: (T,) whether a triangle has an area; without one it is never hit.
     """
+    shapes = (vertices, faces, two_sided, solid)
+    nodes, groups = _widened(trees.world, shapes, trees.first_instance)
+    roots = []
+    if trees.targets:
+        parts = [(nodes, groups), *(_widened(tree, shapes, int(NO_INSTANCES)) for tree in trees.targets)]
+        nodes, groups, roots = _concatenated(parts)
+    return BVH8(aligned(nodes), aligned(groups), _sorting_grid(trees.world)), roots
+
+
+def _widened(tree: BinaryTree, shapes: tuple[NDArray[Any], ...], first_instance: int) -> tuple[NDArray, NDArray]:
+    """Nodes and groups of one tree."""
     size = len(tree.child) // 2 + 1
     nodes = np.empty((size, NODE_SIZE), np.float32)
     groups = np.empty((size, GROUP_SIZE), np.float32)
-    node_count, group_count = _widen(*tree, vertices, faces, two_sided, solid, nodes, groups)
-    return BVH8(aligned(nodes[:node_count]), aligned(groups[:group_count]), _sorting_grid(tree))
+    node_count, group_count = _widen(*tree, *shapes, first_instance, nodes, groups)
+    return nodes[:node_count], groups[:group_count]
+
+
+def _concatenated(parts: list[tuple[NDArray, NDArray]]) -> tuple[NDArray, NDArray, list[int]]:
+    """One array of nodes and one of groups, with links into them, and the first node of each part but the first."""
+    firsts = np.cumsum([(0, 0), *((len(nodes), len(groups)) for nodes, groups in parts)], axis=0)
+    for (nodes, _), (node, group) in zip(parts, firsts):
+        links = nodes.view(np.int32)[:, 48:56]
+        is_group = (links < EMPTY) & (links > INSTANCE_LINK)
+        links += np.where(links >= 0, np.int32(node), np.where(is_group, np.int32(-group), np.int32(0)))
+    nodes, groups = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    return nodes, groups, [int(node) for node in firsts[1:-1, 0]]
 
 
 def _sorting_grid(tree: BinaryTree) -> NDArray[np.float32]:

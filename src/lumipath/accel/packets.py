@@ -2,7 +2,7 @@
 
 Rays are sorted first, so that all of a packet go towards the same octant along the same dominant axis: near and far
 sides of boxes and the axes of the watertight triangle test are then the same for all. Where few rays of a packet are
-left, they go on one by one (`trace8`).
+left, they go on one by one (`trace8`), and so they do in instances.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from ..kernels.quadrics import quadric_distance
+from ..kernels.rays import Ray
 from ..lang import (
     INF,
     Vec3,
@@ -30,10 +31,10 @@ from ..lang import (
 )
 from ..lang.host import vector_units
 from ..lang.lanes import Simd, bits, fused, gather, select, smallest, store_lanes, vmax, vmin
-from ..pack.layout import CULLING, QUADRICS
+from ..pack.layout import CULLING, INSTANCES, OPACITY, QUADRICS
 from .bvh8 import CELLS, GROUP_SIZE, NODE_SIZE, PRIMITIVE_MASK, TWO_SIDED
 from .slabs import WIDER
-from .trace8 import trace_slot
+from .trace8 import leads_to_instance, trace_slot
 from .triangles8 import sheared_distance
 
 WIDTH = 16 if vector_units()[1] >= 512 else 8
@@ -60,7 +61,11 @@ FEW = i32(5 if WIDTH == 16 else 3)
 
 
 class Rays(NamedTuple):
-    """Rays as arrays of components. t: maximum distance, then that of the hit; slot: what was hit, see `trace_slot`."""
+    """Rays as arrays of components.
+
+    t: maximum distance, then that of the hit; slot: what was hit, see `trace_slot`; instance: which one places it, -1
+    for none; it is left alone in scenes without instances, and where nothing was hit.
+    """
 
     ox: NDArray[Any]
     oy: NDArray[Any]
@@ -70,6 +75,7 @@ class Rays(NamedTuple):
     dz: NDArray[Any]
     t: NDArray[Any]
     slot: NDArray[Any]
+    instance: NDArray[Any]
 
 
 class Order(NamedTuple):
@@ -156,14 +162,14 @@ def visible_side(scene, number, backwards, u, v, w):
 
 
 @kernel
-def no_quadrics(scene, number, rays, order, at, active, t, slot, group, k):
+def no_quadrics(scene, number, rays, order, at, active, t, slot, instance, group, k):
     """A scene without quadrics."""
     return i32(0)
 
 
 @kernel(needs=QUADRICS, otherwise=no_quadrics)
-def try_quadric(scene, number, rays, order, at, active, t, slot, group, k):
-    """The rays of a packet against one quadric, one by one; t and slot are stack arrays. Returns 1 if any hit."""
+def try_quadric(scene, number, rays, order, at, active, t, slot, instance, group, k):
+    """The rays of a packet against one quadric, one by one; 1 if any hit. t, slot, instance are stack arrays."""
     primitive = number & _PRIMITIVE
     if primitive < scene.triangle_count:
         return i32(0)
@@ -178,8 +184,31 @@ def try_quadric(scene, number, rays, order, at, active, t, slot, group, k):
         if s < get(t, lane):
             put(t, lane, s)
             put(slot, lane, i32(group * 8 + k))
+            put_instance(scene, instance, lane, i32(-1))
             found = i32(1)
     return found
+
+
+@kernel
+def no_instance(scene, numbers, i, instance):
+    """A scene without instances."""
+
+
+@kernel(needs=INSTANCES, otherwise=no_instance)
+def put_instance(scene, numbers, i, instance):
+    """Note the instance of a hit, in an array on the stack or elsewhere."""
+    store(numbers, i, instance)
+
+
+@kernel
+def note_no_instance(scene, numbers, hit):
+    """A scene without instances."""
+
+
+@kernel(needs=INSTANCES, otherwise=note_no_instance)
+def note_world(scene, numbers, hit):
+    """Note for the lanes of `hit` that they have met what is in no instance."""
+    store_lanes(numbers, 0, select(hit, i32(-1), load_lanes(numbers, 0)))
 
 
 @kernel(precise=True)
@@ -254,6 +283,7 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
     distances = stack_floats(7296)
     lane_t = stack_floats(16)
     lane_slot = stack_ints(16)
+    lane_instance = stack_ints(16)
     put(links, 0, i32(0))
     store_lanes(distances, 0, splat(f32(0.0)))
     depth = 1
@@ -266,7 +296,7 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
         link = get(links, depth)
 
         # Few rays are faster alone.
-        if count_bits(active) <= FEW:
+        if (count_bits(active) <= FEW) | leads_to_instance(scene, link):
             store_lanes(lane_t, 0, t)
             store_lanes(lane_slot, 0, slot)
             while active != 0:
@@ -275,10 +305,11 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
                 i = load(order.rays, at + lane)
                 o = Vec3(load(rays.ox, i), load(rays.oy, i), load(rays.oz, i))
                 d = Vec3(load(rays.dx, i), load(rays.dy, i), load(rays.dz, i))
-                found = trace_slot(scene, o, d, link, get(lane_t, lane), any_hit)
+                found = trace_slot(scene, Ray(o, d, get(lane_t, lane)), link, any_hit)
                 if found.primitive >= 0:
                     put(lane_t, lane, f32(-1.0) if any_hit else found.t)
                     put(lane_slot, lane, found.primitive)
+                    put_instance(scene, lane_instance, lane, found.instance)
             t = load_lanes(lane_t, 0)
             slot = load_lanes(lane_slot, 0)
             if any_hit:
@@ -312,6 +343,7 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
                     distance = sheared_distance(u, v, w, az, bz0, cz, sz)
                     hit = hit & (distance > 0.0) & (distance < t)
                     slot = select(hit, i32(group * 8 + k), slot)
+                    note_world(scene, lane_instance, hit)
                     if any_hit:
                         t = select(hit, -1.0, t)
                         live = live & (t > 0.0)
@@ -320,7 +352,10 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
                         t = select(hit, distance, t)
                 store_lanes(lane_t, 0, t)
                 store_lanes(lane_slot, 0, slot)
-                if try_quadric(scene, number, rays, order, at, bits(on), lane_t, lane_slot, group, k) != 0:
+                if (
+                    try_quadric(scene, number, rays, order, at, bits(on), lane_t, lane_slot, lane_instance, group, k)
+                    != 0
+                ):
                     t = load_lanes(lane_t, 0)
                     slot = load_lanes(lane_slot, 0)
                     if any_hit:
@@ -370,10 +405,11 @@ def trace_packet(scene, rays, order, at, count, run, any_hit):
         i = load(order.rays, at + k)
         store(rays.t, i, get(lane_t, k))
         store(rays.slot, i, get(lane_slot, k))
+        put_instance(scene, rays.instance, i, get(lane_instance, k))
 
 
 @kernel
-def trace_rays(scene, rays, n, order, any_hit, coherent):
+def trace_by_packets(scene, rays, n, order, any_hit, coherent):
     """Trace n rays; their t and slot receive the nearest hit, or, with `any_hit`, a slot of -1 where nothing is."""
     sort_rays(scene.accel, rays, n, order, coherent)
     # Behind the last ray a packet reads on: any ray will do.
@@ -387,3 +423,15 @@ def trace_rays(scene, rays, n, order, any_hit, coherent):
             count = min(i32(end - at), _W)
             trace_packet(scene, rays, order, at, count, i32(run), any_hit)
             at = i32(at + count)
+
+
+@kernel(needs=OPACITY, otherwise=trace_by_packets)
+def trace_rays(scene, rays, n, order, any_hit, coherent):
+    """The same one by one: where rays go through a surface, each has to look for itself."""
+    for i in range(n):
+        o = Vec3(load(rays.ox, i), load(rays.oy, i), load(rays.oz, i))
+        d = Vec3(load(rays.dx, i), load(rays.dy, i), load(rays.dz, i))
+        found = trace_slot(scene, Ray(o, d, load(rays.t, i)), i32(0), any_hit)
+        store(rays.t, i, found.t)
+        store(rays.slot, i, found.primitive)
+        put_instance(scene, rays.instance, i, found.instance)

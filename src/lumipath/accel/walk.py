@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from ..kernels.quadrics import quadric_distance
+from ..kernels.instances import ray_within, root_of
+from ..kernels.opacity import stopping_quadric_distance, stops
 from ..kernels.rays import Hit, Ray
-from ..kernels.vectors import frame_around, to_local, xyz
-from ..lang import INF, Vec3, as_int, f32, get, i32, inverse, kernel, load4, put, struct
+from ..kernels.vectors import dot, frame_around, to_local, xyz
+from ..lang import INF, Vec3, as_float, as_int, f32, get, i32, inverse, kernel, load4, put, sqrt, struct
 from ..lang.maths import byte0, byte1, byte2, byte3, exact_mul, exact_sub
-from ..pack.layout import CULLING, QUADRICS, WIDE_TREE
+from ..pack.layout import CULLING, INSTANCES, OPACITY, QUADRICS, WIDE_TREE
+from .bvh4 import INSTANCE_COUNT, LEAVE_COUNT
 from .slabs import WIDER
 
 DONE = i32(-(2**31))
@@ -15,17 +17,25 @@ DONE = i32(-(2**31))
 IDLE = i32(-(2**31) + 1)
 _MISS = i32(0x7FFFFFFF)
 _TINY = f32(1e-18)
+_ENTER = i32(INSTANCE_COUNT)
+_LEAVE = i32(LEAVE_COUNT)
 
 
 @struct
 class Walk:
-    """A ray on its way. link >= 0: a node; < 0: ~(first * 16 + count) of triangles to test; or DONE, or IDLE."""
+    """A ray on its way.
 
-    ray: Ray
+    link >= 0: a node; < 0: ~(first * 16 + count) of triangles to test, or of an instance to enter or to leave; or DONE,
+    or IDLE.
+    """
+
+    ray: Ray  # in the coordinates of the instance that it is in
     inverse: Vec3
     primitive: i32  # nearest so far, -1 for none
+    instance: i32  # that places it, -1 for none
     link: i32
     depth: i32  # links on the stack
+    within: i32  # instance that the ray is in, -1 for none
 
 
 @kernel
@@ -35,16 +45,21 @@ def nonzero(x):
 
 
 @kernel
+def inverse_of(d):
+    """1 / d for each component."""
+    return Vec3(inverse(nonzero(d.x)), inverse(nonzero(d.y)), inverse(nonzero(d.z)))
+
+
+@kernel
 def start_walk(ray):
     """A ray at the root."""
-    d = Vec3(inverse(nonzero(ray.d.x)), inverse(nonzero(ray.d.y)), inverse(nonzero(ray.d.z)))
-    return Walk(ray, d, i32(-1), i32(0), i32(0))
+    return Walk(ray, inverse_of(ray.d), i32(-1), i32(-1), i32(0), i32(0), i32(-1))
 
 
 @kernel
 def go_on(walk, link, depth):
     """The walk at another link."""
-    return Walk(walk.ray, walk.inverse, walk.primitive, link, depth)
+    return Walk(walk.ray, walk.inverse, walk.primitive, walk.instance, link, depth, walk.within)
 
 
 @kernel
@@ -244,6 +259,27 @@ def seen(scene, positive, negative, both):
     return (positive | negative) if both else positive
 
 
+@struct
+class Direction:
+    """A direction of length 1, and by how much a distance along it is longer than the ray's."""
+
+    d: Vec3
+    scale: f32
+
+
+@kernel
+def as_it_is(scene, d):
+    """Rays of the world have directions of length 1."""
+    return Direction(d, 1.0)
+
+
+@kernel(needs=INSTANCES, otherwise=as_it_is)
+def unit_direction(scene, d):
+    """The direction with length 1, which it may lack in an instance."""
+    scale = inverse(sqrt(dot(d, d)))
+    return Direction(d * scale, scale)
+
+
 @kernel
 def triangle_distance(scene, ray, a, b, c):
     """Distance to a triangle, infinity if it is missed; watertight.
@@ -252,7 +288,8 @@ def triangle_distance(scene, ray, a, b, c):
     functions there are exact. The space is a rotation of the world instead of a shear: a few operations more, but the
     same ones for every ray, so that the lanes of a warp stay together.
     """
-    basis = frame_around(ray.d)
+    direction = unit_direction(scene, ray.d)
+    basis = frame_around(direction.d)
     p = to_local(basis, xyz(a) - ray.o)
     q = to_local(basis, xyz(b) - ray.o)
     r = to_local(basis, xyz(c) - ray.o)
@@ -262,27 +299,55 @@ def triangle_distance(scene, ray, a, b, c):
     positive = (u >= 0.0) & (v >= 0.0) & (w >= 0.0)
     negative = (u <= 0.0) & (v <= 0.0) & (w <= 0.0)
     # A triangle without area divides 0 by 0, and NaN fails the comparisons.
-    t = (u * p.z + v * q.z + w * r.z) * inverse(u + v + w)
+    t = (u * p.z + v * q.z + w * r.z) * inverse(u + v + w) * direction.scale
     inside = seen(scene, positive, negative, b[3] > 0.0)
     return t if inside & (t > 0.0) & (t < ray.tmax) else INF
 
 
 @kernel
-def primitive_distance_triangle(scene, ray, a, b, c):
-    """A scene of triangles only."""
+def closed_triangle_distance(scene, ray, within, a, b, c):
+    """A scene whose surfaces are all closed."""
     return triangle_distance(scene, ray, a, b, c)
 
 
-@kernel(needs=QUADRICS, otherwise=primitive_distance_triangle)
-def primitive_distance(scene, ray, a, b, c):
-    """Distance to a triangle or a quadric."""
-    if b[3] > 1.5:
-        return quadric_distance(scene.quadrics, i32(as_int(a[3]) - scene.triangle_count), ray.o, ray.d, ray.tmax)
-    return triangle_distance(scene, ray, a, b, c)
+@kernel(needs=OPACITY, otherwise=closed_triangle_distance)
+def stopping_triangle_distance(scene, ray, within, a, b, c):
+    """Distance to a triangle that stops the ray, infinity if it is missed or lets it through."""
+    t = triangle_distance(scene, ray, a, b, c)
+    if t < ray.tmax:
+        if not stops(scene, as_int(a[3]), within, ray.o, ray.d, t):
+            return INF
+    return t
 
 
 @kernel
-def leaf_step(scene, walk, stack, any_hit):
+def primitive_distance_triangle(scene, ray, within, a, b, c):
+    """A scene of triangles only."""
+    return stopping_triangle_distance(scene, ray, within, a, b, c)
+
+
+@kernel(needs=QUADRICS, otherwise=primitive_distance_triangle)
+def primitive_distance(scene, ray, within, a, b, c):
+    """Distance to a triangle or a quadric."""
+    if b[3] > 1.5:
+        return stopping_quadric_distance(scene, as_int(a[3]), within, ray.o, ray.d, ray.tmax)
+    return stopping_triangle_distance(scene, ray, within, a, b, c)
+
+
+@kernel
+def placed_by_none(scene, walk, found):
+    """A scene without instances."""
+    return i32(-1)
+
+
+@kernel(needs=INSTANCES, otherwise=placed_by_none)
+def placed_by(scene, walk, found):
+    """The instance of the nearest hit, after another one was found or not."""
+    return walk.within if found else walk.instance
+
+
+@kernel
+def primitive_step(scene, walk, stack, any_hit):
     """Test one primitive of a leaf, then stay for the next one, or go on."""
     code = i32(~walk.link)
     base = (code >> 4) * 12
@@ -290,9 +355,10 @@ def leaf_step(scene, walk, stack, any_hit):
     b = load4(scene.accel.triangles, base + 4)
     c = load4(scene.accel.triangles, base + 8)
     ray = walk.ray
-    t = primitive_distance(scene, ray, a, b, c)
+    t = primitive_distance(scene, ray, walk.within, a, b, c)
     found = t < ray.tmax
     primitive = as_int(a[3]) if found else walk.primitive
+    instance = placed_by(scene, walk, found)
     ray = Ray(ray.o, ray.d, t if found else ray.tmax)
     depth = walk.depth
     link = DONE
@@ -303,7 +369,50 @@ def leaf_step(scene, walk, stack, any_hit):
         elif depth > 0:
             depth = i32(depth - 1)
             link = get(stack, depth)
-    return Walk(ray, walk.inverse, primitive, link, depth)
+    return Walk(ray, walk.inverse, primitive, instance, link, depth, walk.within)
+
+
+@kernel
+def enter(scene, walk, stack):
+    """Go on in an instance; the ray of the world waits on the stack."""
+    instance = i32(~walk.link >> 4)
+    ray = walk.ray
+    depth = walk.depth
+    put(stack, depth, as_int(ray.o.x))
+    put(stack, depth + 1, as_int(ray.o.y))
+    put(stack, depth + 2, as_int(ray.o.z))
+    put(stack, depth + 3, as_int(ray.d.x))
+    put(stack, depth + 4, as_int(ray.d.y))
+    put(stack, depth + 5, as_int(ray.d.z))
+    put(stack, depth + 6, i32(~_LEAVE))
+    ray = ray_within(scene, instance, ray)
+    link = root_of(scene, instance)
+    return Walk(ray, inverse_of(ray.d), walk.primitive, walk.instance, link, i32(depth + 7), instance)
+
+
+@kernel
+def leave(walk, stack):
+    """Go on in the world."""
+    depth = i32(walk.depth - 6)
+    o = Vec3(as_float(get(stack, depth)), as_float(get(stack, depth + 1)), as_float(get(stack, depth + 2)))
+    d = Vec3(as_float(get(stack, depth + 3)), as_float(get(stack, depth + 4)), as_float(get(stack, depth + 5)))
+    link = DONE
+    if depth > 0:
+        depth = i32(depth - 1)
+        link = get(stack, depth)
+    ray = Ray(o, d, walk.ray.tmax)
+    return Walk(ray, inverse_of(d), walk.primitive, walk.instance, link, depth, i32(-1))
+
+
+@kernel(needs=INSTANCES, otherwise=primitive_step)
+def leaf_step(scene, walk, stack, any_hit):
+    """Enter an instance, leave it, or test one primitive of a leaf."""
+    count = ~walk.link & 15
+    if count == _ENTER:
+        return enter(scene, walk, stack)
+    if count == _LEAVE:
+        return leave(walk, stack)
+    return primitive_step(scene, walk, stack, any_hit)
 
 
 @kernel
@@ -315,4 +424,4 @@ def walk_to_end(scene, ray, any_hit, stack):
             walk = node_step(scene, walk, stack)
         while (walk.link < 0) & (walk.link != DONE):
             walk = leaf_step(scene, walk, stack, any_hit)
-    return Hit(walk.ray.tmax, walk.primitive)
+    return Hit(walk.ray.tmax, walk.primitive, walk.instance)

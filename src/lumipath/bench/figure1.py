@@ -190,14 +190,14 @@ def report(points: Sequence[Point], settings: RenderSettings, cpu_limit: float, 
     return {
         "figure": "figure1",
         "lumipath": __version__,
-        "machine": _machine(settings.threads),
+        "machine": describe_machine(settings.threads),
         "settings": {**{name: getattr(settings, name) for name in shared}, "cpu_limit_s": cpu_limit},
         "complete": complete,
         "points": [point.as_dict() for point in points],
     }
 
 
-def _machine(threads: int | None) -> dict[str, Any]:
+def describe_machine(threads: int | None) -> dict[str, Any]:
     """The CPU, the threads that rendered, and the GPUs."""
     from ..devices import list_devices
 

@@ -80,3 +80,39 @@ def plot_figure1(facts: dict[str, Any], path: Path) -> None:
     # Without a date, equal figures make equal files.
     metadata = {"Date": None} if path.suffix.lower() == ".svg" else None
     figure.savefig(path, format=path.suffix[1:].lower(), dpi=150, metadata=metadata)
+
+
+def plot_compare(facts: dict[str, Any], path: Path) -> None:
+    """Draw error over seconds, one panel a scene, one line a renderer; both axes logarithmic.
+
+    Args:
+        facts: of `compare.report`, or read from its JSON file; with one scene or more that has errors.
+        path: a PNG or SVG file.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+        OSError: the file cannot be written.
+    """
+    require_matplotlib()
+    from matplotlib.figure import Figure
+
+    scenes = facts["scenes"]
+    figure = Figure(figsize=(3.6 * len(scenes) + 0.6, 3.9), layout="constrained")
+    panels = figure.subplots(1, len(scenes), squeeze=False)[0]
+    for axes, scene in zip(panels, scenes):
+        for row, colour, mark in zip(scene["renderers"], cycle(_COLOURS), cycle(_MARKS)):
+            seconds = [point["seconds"] for point in row["errors"]]
+            errors = [point["mse"] for point in row["errors"]]
+            axes.plot(seconds, errors, color=colour, marker=mark, markersize=5, label=row["renderer"])
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_title(f"{scene['scene']} ({scene['triangles']:,} triangles)", fontsize=9)
+        axes.set_xlabel("seconds")
+        axes.grid(color="#dddddd", linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylabel("mean squared error")
+    panels[0].legend(frameon=False, fontsize=8)
+    machine = facts["machine"]
+    figure.suptitle(f"Error over time; {machine['cpu']}, {machine['threads']} threads", fontsize=9)
+    metadata = {"Date": None} if path.suffix.lower() == ".svg" else None
+    figure.savefig(path, format=path.suffix[1:].lower(), dpi=150, metadata=metadata)

@@ -2,63 +2,15 @@
 
 from __future__ import annotations
 
-import io
-import json
-import shutil
-import sys
-import warnings
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
-from attrs import frozen
-
 from ..bench.figure1 import Point, Running, Timing
-from ..bench.plot import INSTALL_HINT, SUFFIXES, can_plot, plot_figure1, require_matplotlib
-from ..errors import ImageError, LumipathError, LumipathWarning, UsageError
-from ._progress import Reporter, make_reporter
-from ._terminal import show, show_json, show_message
-
-_NAME = "figure1"
-_SMALLEST_WIDTH = 100
-
-
-@frozen
-class Files:
-    """Where the numbers and the plots go."""
-
-    numbers: Path
-    plots: tuple[Path, ...]
-
-
-def files_for(output: Path) -> Files:
-    """The files that `--output` means, after a check that all of them can be written.
-
-    Args:
-        output: a folder, for `figure1.json`, `figure1.png` and `figure1.svg`; a PNG or SVG file, with the JSON file
-            beside it; or a JSON file only.
-
-    Raises:
-        UsageError: a plot is asked for by name and cannot be drawn.
-        ImageError: a file cannot be written.
-    """
-    from ..rendering.image import check_writable
-
-    if output.is_dir() or not output.suffix:
-        files = Files(output / f"{_NAME}.json", tuple(output / f"{_NAME}{suffix}" for suffix in SUFFIXES))
-        if not can_plot():
-            text = f"matplotlib is not installed, so numbers are written and no plot; {INSTALL_HINT}"
-            warnings.warn(text, LumipathWarning, stacklevel=2)
-            files = Files(files.numbers, ())
-    else:
-        plots = () if output.suffix.lower() == ".json" else (output,)
-        check_writable(output, (*SUFFIXES, ".json"))
-        files = Files(output.with_suffix(".json"), plots)
-        if plots:
-            require_matplotlib()
-    for path in (files.numbers, *files.plots):
-        check_writable(path, (path.suffix.lower(),))
-    return files
+from ..bench.plot import plot_figure1
+from ..errors import UsageError
+from ._figures import Files, show_table, write_files
+from ._progress import Reporter
+from ._terminal import show, show_json
 
 
 def samples_from(text: str) -> list[int]:
@@ -73,27 +25,8 @@ def samples_from(text: str) -> list[int]:
     return sorted({int(part) for part in parts})
 
 
-def collect(measuring: Iterator[Point | Running]) -> tuple[list[Point], KeyboardInterrupt | LumipathError | None]:
-    """Measure, and show what is going on.
-
-    Returns:
-        The points that are done, and what kept the others from being measured, if anything did.
-
-    Raises:
-        KeyboardInterrupt, LumipathError: it came before the first point.
-    """
-    points: list[Point] = []
-    try:
-        with make_reporter("auto") as reporter:
-            _follow(measuring, points, reporter)
-    except (KeyboardInterrupt, LumipathError) as stopped:
-        if not points:
-            raise
-        return points, stopped
-    return points, None
-
-
-def _follow(measuring: Iterator[Point | Running], points: list[Point], reporter: Reporter) -> None:
+def follow(measuring: Iterator[Point | Running], points: list[Point], reporter: Reporter) -> None:
+    """Show what is being measured, and gather the points that are done."""
     label = ""
     for item in measuring:
         if isinstance(item, Running):
@@ -120,45 +53,20 @@ def finish(files: Files, facts: dict[str, Any], points: Sequence[Point], as_json
         show_json(facts)
     else:
         _show_table(points)
-    _write(files, facts)
-    names = ", ".join(str(path) for path in (files.numbers, *files.plots))
-    show_message(f"{'' if facts['complete'] else 'not complete: '}wrote {names}")
-
-
-def _write(files: Files, facts: dict[str, Any]) -> None:
-    """The JSON file, then the plots; each whole or not at all."""
-    from ..rendering.files import replacing, temporary_for
-
-    temporary = temporary_for(files.numbers)
-    with replacing(files.numbers, temporary, ImageError):
-        temporary.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-    for path in files.plots:
-        temporary = temporary_for(path)
-        with replacing(path, temporary, ImageError):
-            plot_figure1(facts, temporary)
+    write_files(files, facts, plot_figure1)
 
 
 def _show_table(points: Sequence[Point]) -> None:
     """The points as a table on stdout."""
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
     kinds = (points[0].against.kind, points[0].device.kind)
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("scene")
-    titles = ("spp", *(f"{kind}\nseconds" for kind in kinds), *(f"{kind}\nMpaths/s" for kind in kinds))
-    for title in (*titles, "speed-up", "difference\nof means"):
-        table.add_column(title, justify="right")
+    titles = ("scene", "spp", *(f"{kind}\nseconds" for kind in kinds), *(f"{kind}\nMpaths/s" for kind in kinds))
+    rows = []
     for point in points:
         seconds = [_seconds(timing) for timing in (point.against, point.device)]
         speeds = [f"{timing.mpaths_per_s:.4g}" for timing in (point.against, point.device)]
         last = (f"{point.speed_up:.3g}", f"{100 * point.relative_difference:.2g} %")
-        table.add_row(point.scene, str(point.spp), *seconds, *speeds, *last)
-    text = io.StringIO()
-    width = max(shutil.get_terminal_size().columns, _SMALLEST_WIDTH)
-    Console(file=text, width=width, force_terminal=sys.stdout.isatty()).print(table)
-    show("\n".join(line.rstrip() for line in text.getvalue().strip("\n").splitlines()))
+        rows.append((point.scene, str(point.spp), *seconds, *speeds, *last))
+    show_table((*titles, "speed-up", "difference\nof means"), rows)
     if any(timing.extrapolated for point in points for timing in (point.against, point.device)):
         show("* extrapolated from as many samples as were rendered within --cpu-limit")
 

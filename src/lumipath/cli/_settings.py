@@ -19,8 +19,9 @@ from ..settings import RenderSettings
 SHORT_FLAGS = {"spp": "-s", "max_depth": "-r", "width": "-w"}
 
 _NO_VALUE = ("off", "none", "auto")
-_KIND_NAMES = {int: "a whole number", float: "a number"}
-_METAVARS = {int: "N", float: "X", str: "TEXT", list: "NAME,..."}
+_KIND_NAMES = {int: "a whole number", float: "a number", bool: "on or off"}
+_SWITCHES = {"on": True, "true": True, "off": False, "false": False}
+_METAVARS = {int: "N", float: "X", str: "TEXT", bool: "on|off", list: "NAME,..."}
 _TUPLE_METAVARS = {2: "X,Y", 4: "X0,Y0,X1,Y1"}
 _DEFAULTS = RenderSettings()
 
@@ -31,7 +32,7 @@ class Setting:
 
     name: str
     kind: type
-    """int, float, str, tuple (of whole numbers), or list (of names, as a tuple)."""
+    """int, float, str, bool, tuple (of whole numbers), or list (of names, as a tuple)."""
     length: int
     """Of the tuple; 0 for anything else."""
     may_be_off: bool
@@ -61,8 +62,8 @@ class Setting:
                 return tuple(part.strip() for part in text.split(",") if part.strip())
             if self.kind is tuple:
                 return tuple(int(part) for part in text.split(","))
-            return self.kind(text)
-        except ValueError:
+            return _SWITCHES[text.lower()] if self.kind is bool else self.kind(text)
+        except (KeyError, ValueError):
             wanted = _KIND_NAMES.get(self.kind, "whole numbers with commas between them")
             raise UsageError(f"{source} is {text!r}: it must be {wanted}") from None
 

@@ -7,27 +7,28 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
+import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Cone, Environment, Material, Mesh, Scene, Shape, Sky, Texture
+from ..scene import AnyMaterial, Appearance, Cone, Environment, Instance, Mesh, Scene, Shape, Sky, Texture, materials_of
 
 # Triangle record, its share of the tree's nodes, and the vertex data that shading reads.
 _BYTES_PER_TRIANGLE = 160
-_LOBES = ("emission", "diffuse", "specular", "reflective", "transmissive", "ambient")
 
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def summarise(scene: Scene) -> dict[str, Any]:
     """Counts, sizes and bounds of a scene, ready for JSON; lengths in metres, memory in bytes."""
-    materials = _materials(scene)
+    materials = scene.materials()
     textures = {id(texture): texture for material in materials for texture in _textures(material)}
     bounds = scene_bounds(scene)
     environment = scene.environment
     return {
         "name": scene.name,
         "triangles": scene.triangle_count,
+        "stored triangles": scene.stored_triangle_count,
         "shapes": _count(scene.shapes),
         "lights": {**_count(scene.lights), "emissive shapes": sum(map(_emits, scene.shapes))},
         "cameras": [camera.name or str(index) for index, camera in enumerate(scene.cameras)],
@@ -40,11 +41,30 @@ def summarise(scene: Scene) -> dict[str, Any]:
 
 
 def scene_bounds(scene: Scene) -> Bounds | None:
-    """Smallest axis-aligned box around all shapes, as two (3,) float64 corners in metres; None without shapes."""
-    boxes = [shape_bounds(shape) for shape in scene.shapes if not isinstance(shape, Mesh) or len(shape.vertices)]
+    """Axis-aligned box around all shapes, as two (3,) float64 corners in metres; None without shapes.
+
+    It is the smallest, but for instances that are turned: of those it holds the box that was turned.
+    """
+    known: dict[int, Bounds] = {}
+    boxes = [box for shape in scene.shapes for box in _boxes(shape, known)]
     if not boxes:
         return None
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+
+
+def _boxes(shape: Shape | Instance, known: dict[int, Bounds]) -> Iterator[Bounds]:
+    """Boxes around a shape, or around the boxes of what an instance places; `known` has those of shapes seen before."""
+    for part in shape.parts if isinstance(shape, Instance) else (shape,):
+        if isinstance(part, Mesh) and not len(part.vertices):
+            continue
+        if id(part) not in known:
+            known[id(part)] = shape_bounds(part)
+        low, high = known[id(part)]
+        if isinstance(shape, Instance):
+            linear = shape.transform[:3, :3]
+            middle, reach = linear @ (low + high) / 2 + shape.transform[:3, 3], np.abs(linear) @ (high - low) / 2
+            low, high = middle - reach, middle + reach
+        yield low, high
 
 
 def shape_bounds(shape: Shape) -> Bounds:
@@ -68,32 +88,26 @@ def _disc_bounds(linear: NDArray[np.float64], centre: NDArray[np.float64], radiu
 
 def memory_estimate(scene: Scene, textures: list[Texture]) -> int:
     """About how many bytes the scene takes while it is rendered, without the film."""
-    images = sum(texture.image.nbytes for texture in textures)
+    # Views of one image share it.
+    images = sum({id(texture.image): texture.image.nbytes for texture in textures}.values())
     environment = scene.environment.image.nbytes if isinstance(scene.environment, Environment) else 0
-    return math.ceil(scene.triangle_count * _BYTES_PER_TRIANGLE + images + environment)
+    return math.ceil(scene.stored_triangle_count * _BYTES_PER_TRIANGLE + images + environment)
 
 
 def _count(items: list[Any]) -> dict[str, int]:
     return dict(Counter(type(item).__name__ for item in items))
 
 
-def _shape_materials(shape: Shape) -> tuple[Material, ...]:
-    if isinstance(shape, Mesh) and shape.vertex_materials is not None:
-        return shape.vertex_materials
-    return (shape.material,)
+def _textures(material: AnyMaterial) -> Iterator[Texture]:
+    values = [getattr(material, field.name) for field in attrs.fields(type(material))]
+    yield from (value for value in values if isinstance(value, Texture))
+    for part in values:
+        if isinstance(part, Appearance):
+            yield from _textures(part)
 
 
-def _materials(scene: Scene) -> list[Material]:
-    """Every material once; two with equal values are still two."""
-    return list({id(material): material for shape in scene.shapes for material in _shape_materials(shape)}.values())
-
-
-def _textures(material: Material) -> Iterator[Texture]:
-    return (value for lobe in _LOBES if isinstance(value := getattr(material, lobe), Texture))
-
-
-def _emits(shape: Shape) -> bool:
-    return any(material.is_emissive for material in _shape_materials(shape))
+def _emits(shape: Shape | Instance) -> bool:
+    return any(material.is_emissive for material in materials_of(shape))
 
 
 def _environment(environment: Environment | Sky) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ..bench import compare as comparing
 from ..bench.figure1 import CPU_LIMIT, FIGURE1_SETTINGS, SAMPLES, SCENES, measure_points, report
 from ..bench.throughput import BENCH_SETTINGS, measure
 from ._device import DeviceOption, GpuFlag, device_from
@@ -69,13 +70,72 @@ def figure1(
 
     Ctrl-C stops: what was measured until then is written.
     """
-    from ._figure1 import collect, files_for, finish, samples_from
+    from ._figure1 import finish, follow, samples_from
+    from ._figures import collect, files_for
 
     settings = settings_from([*from_flags(flags), *from_size(size)], FIGURE1_SETTINGS)
     counts, scenes = samples_from(samples), [open_scene(name) for name in scene or SCENES]
-    files = files_for(output)
-    points, stopped = collect(measure_points(scenes, counts, settings, device, against, cpu_limit))
+    files = files_for(output, "figure1")
+    points, stopped = collect(measure_points(scenes, counts, settings, device, against, cpu_limit), follow)
     finish(files, report(points, settings, cpu_limit, complete=stopped is None), points, as_json)
+    if isinstance(stopped, KeyboardInterrupt):
+        raise typer.Exit(exit_code(stopped))
+    if stopped:
+        raise stopped
+
+
+@app.command()
+@with_setting_flags("spp", "max_depth", "threads", "sampler", base=comparing.COMPARE_SETTINGS)
+def compare(
+    scene: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[SCENE]...", help="Scenes of matt meshes and lamps. Default: the three bench scenes."),
+    ] = None,
+    peers: Annotated[
+        str, typer.Option(metavar="NAME,NAME,...", help="mitsuba-llvm, mitsuba-scalar, cycles. Default: all installed.")
+    ] = "",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Image width and height. [pixels]")] = "512x512",
+    device: DeviceOption = "cpu",
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="In each, every renderer renders once.")] = 4,
+    error_size: Annotated[
+        int, typer.Option(metavar="N", min=0, max=4096, help="Side of the pictures for errors; 0: none. [pixels]")
+    ] = 256,
+    reference_spp: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Samples per pixel of what errors are measured against.")
+    ] = comparing.REFERENCE_SPP,
+    python: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=PYTHON", help="The Python that has a renderer's package; may be repeated."),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="PATH", help="A folder, or a PNG, SVG or JSON file.")
+    ] = Path(),
+    as_json: Annotated[bool, typer.Option("--json", help="As one JSON object instead of a table.")] = False,
+    **flags: Any,
+) -> None:
+    """Speed and time to equal error beside Mitsuba and Cycles, interleaved: a table, a plot, and their numbers as JSON.
+
+    Ctrl-C stops: the scenes that were measured until then are written.
+    """
+    from ._compare import finish, follow, pythons_from
+    from ._figures import collect, files_for
+
+    settings = settings_from([*from_flags(flags), *from_size(size)], comparing.COMPARE_SETTINGS)
+    pythons = pythons_from(python or [])
+    names = comparing.chosen_peers([name.strip() for name in peers.split(",") if name.strip()], pythons)
+    scenes, files = [open_scene(name) for name in scene or comparing.SCENES], files_for(output, "compare")
+    measuring = comparing.compare_renderers(
+        scenes,
+        names,
+        settings,
+        device=device,
+        rounds=rounds,
+        error_size=error_size,
+        reference_spp=reference_spp,
+        pythons=pythons,
+    )
+    results, stopped = collect(measuring, follow)
+    finish(files, comparing.report(results, settings, complete=stopped is None), results, as_json)
     if isinstance(stopped, KeyboardInterrupt):
         raise typer.Exit(exit_code(stopped))
     if stopped:

@@ -61,7 +61,7 @@ def diff(
     image: ImageArgument,
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="What IMAGE should look like.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="A heat map of FLIP errors.")
+        Path | None, typer.Option("--output", "-o", "--heat-map", metavar="FILE", help="A heat map of FLIP errors.")
     ] = None,
     fail_above: Annotated[
         list[str] | None,
@@ -202,13 +202,16 @@ def merge(
     """Add up checkpoints of one picture with other seeds or samples."""
     from ..imaging.files import is_image_name
     from ..rendering.checkpoint import check_target
-    from ..rendering.image import check_writable
+    from ..rendering.image import LAYER_SUFFIXES, check_writable
     from ..rendering.merging import merge as merged
 
     settings = settings_from(from_flags(flags))
     if is_image_name(output):
         check_writable(output)
-        merged(checkpoints).image().save(output, exposure=settings.exposure, tonemap=settings.tonemap)
+        image = merged(checkpoints).image()
+        # A picture of eight bits has no room for layers.
+        image = image if output.suffix.lower() in LAYER_SUFFIXES else image.select_layers()
+        image.save(output, exposure=settings.exposure, tonemap=settings.tonemap)
     else:
         check_target(output)
         merged(checkpoints).save(output)

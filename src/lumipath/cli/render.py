@@ -211,6 +211,8 @@ def _finish(
     layers: tuple[str, ...],
 ) -> None:
     """Write the image with these layers and say so; after an interruption end with its exit code."""
+    from ..rendering.layers import layer_names
+
     image = session.image()
     samples = _samples_in(image, last)
     if interrupt is not None and not samples:
@@ -218,7 +220,7 @@ def _finish(
         raise typer.Exit(exit_code(interrupt))
     if denoise:
         image = _denoised(image)
-    _save(image.select_layers(*layers), target, session.settings)
+    _save(image.select_layers(*layer_names(layers, image.layer_names)), target, session.settings)
     seconds = float(image.metadata.get("seconds", last.seconds if last else 0.0))
     paths = samples * session.width * session.height
     reporter.summary(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
@@ -12,26 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from ..accel.build import build_tree
 from ..accel.bvh8 import WIDTH, widen
-from ..lang.host import vector_units
+from ..accel.two_level import build_trees
+from ..lang.host import usable_cores, vector_units
 from ..lang.kernel import compile_for
 from ..lang.scalars import quiet_arithmetic
 from ..pack.layout import PIXEL_INTEGRATORS, FilmArrays, LayerArrays, PackedScene, View
 from ..pack.scene import Packed
-from .cpu_batch import BATCH, CANCELLED, REJECTED, TILE_PIXELS, new_batch, render_tiles
+from .cpu_batch import BATCH, CANCELLED, REJECTED, STRIDE, TILE_PIXELS, new_batch, render_tiles
 from .cpu_pixels import render_pixels
 from .device import DeviceInfo
 from .interrupts import deferred_interrupts
 
 _LOOK_SECONDS = 0.25
-
-
-def usable_cores() -> int:
-    """Number of cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @cache
@@ -50,9 +42,10 @@ def with_cpu_tree(packed: Packed, threads: int | None = None) -> PackedScene:
     """The scene with the 8-wide tree that the CPU walks, built by so many threads (all cores where None)."""
     geometry = packed.geometry
     lower, upper = geometry.bounds()
-    tree = build_tree(lower, upper, max_leaf=WIDTH, block=WIDTH, threads=threads or usable_cores())
-    accel = widen(tree, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid())
-    return packed.scene._replace(accel=accel)
+    options = {"max_leaf": WIDTH, "block": WIDTH, "threads": threads or usable_cores()}
+    trees = build_trees(lower, upper, geometry.instancing, **options)
+    accel, roots = widen(trees, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid())
+    return packed.with_tree(accel, roots)
 
 
 def renderer_of(scene: PackedScene) -> Callable[..., Any]:
@@ -79,6 +72,8 @@ class CpuDevice:
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
         """Compile the renderer for this scene's features, or load it from the disk."""
+        if len(self._batches[0].parts) < film.parts.shape[-1] * STRIDE:
+            self._batches = [new_batch(film.parts.shape[-1]) for _ in self._batches]
         compile_for(renderer_of(scene), scene, view, film, self._batches[0], np.zeros(4, np.int64), 0)
 
     def next_stop(self, done: int, pixels: int) -> int:

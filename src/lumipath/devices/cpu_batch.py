@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from ..accel.packets import SORT_KEYS, Order, Rays, trace_rays
 from ..accel.trace8 import primitive_of
 from ..kernels.adaptive import add_square, goal_of, square_of
+from ..kernels.emitted_layers import emitted_to_layers
+from ..kernels.light_layers import all_columns, light_columns, squares_to_layer, to_layers
 from ..kernels.path import Path, shade, start_path
 from ..kernels.rays import Hit, Ray
 from ..kernels.sampler import Numbers, camera_numbers, direction_numbers
 from ..lang import INF, Vec3, aligned_empty, entry, fetch_add, i32, kernel, load, read_clock, store, u32
-from ..pack.layout import TILE
+from ..pack.layout import GROUPS, INSTANCES, TILE
+from .cpu_film import add_exactly, add_to_film, put_in_film
 
 TILE_PIXELS = i32(256)
 BATCH = i32(4096)
@@ -61,15 +64,17 @@ class Batch(NamedTuple):
     shadows: Rays
     shadow_light: Light
     shadow_owner: NDArray[Any]
+    shadow_group: NDArray[Any]  # light group of each shadow ray
     gathered: Light
+    parts: NDArray[Any]  # (columns * STRIDE,) float32: what goes to each column of `FilmArrays.parts`
     samples: NDArray[Any]  # (2, STRIDE) uint32: pixel and sample of each path
     draws: NDArray[Any]  # (4, STRIDE) float32: random numbers of each path, as in `direction_numbers`
     order: Order
     clock: NDArray[Any]  # (5,) int64: cycles spent in generate, extend, shade, connect, develop
 
 
-def new_batch() -> Batch:
-    """Scratch memory for one thread."""
+def new_batch(columns: int = 0) -> Batch:
+    """Scratch memory for one thread, for a film with so many columns of layers."""
     size = int(STRIDE)
 
     def floats(count: int) -> list[np.ndarray]:
@@ -79,7 +84,7 @@ def new_batch() -> Batch:
         return [aligned_empty(size, np.int32) for _ in range(count)]
 
     def rays() -> Rays:
-        return Rays(*floats(7), *ints(1))
+        return Rays(*floats(7), *ints(2))
 
     return Batch(
         rays=rays(),
@@ -87,7 +92,9 @@ def new_batch() -> Batch:
         shadows=rays(),
         shadow_light=Light(*floats(3)),
         shadow_owner=ints(1)[0],
+        shadow_group=ints(1)[0],
         gathered=Light(*floats(3)),
+        parts=aligned_empty(max(columns, 1) * size, np.float32),
         samples=aligned_empty((2, size), np.uint32),
         draws=aligned_empty((4, size), np.float32),
         order=Order(*ints(2), aligned_empty(SORT_KEYS, np.int32)),
@@ -115,6 +122,15 @@ def add_light(light, i, radiance):
     store(light.red, i, load(light.red, i) + radiance.x)
     store(light.green, i, load(light.green, i) + radiance.y)
     store(light.blue, i, load(light.blue, i) + radiance.z)
+
+
+@kernel
+def put_in_batch(scene, batch, i, column, value):
+    """Add three numbers to the columns of a path of the batch."""
+    at = column * STRIDE + i
+    store(batch.parts, at, load(batch.parts, at) + value.x)
+    store(batch.parts, at + STRIDE, load(batch.parts, at + STRIDE) + value.y)
+    store(batch.parts, at + 2 * STRIDE, load(batch.parts, at + 2 * STRIDE) + value.z)
 
 
 @kernel
@@ -148,6 +164,18 @@ def load_path(batch, i, depth):
 
 
 @kernel
+def hit_in_world(scene, rays, i):
+    """What a ray has hit, in a scene without instances."""
+    return Hit(load(rays.t, i), primitive_of(scene.accel, load(rays.slot, i)), i32(-1))
+
+
+@kernel(needs=INSTANCES, otherwise=hit_in_world)
+def hit_of(scene, rays, i):
+    """What a ray has hit."""
+    return Hit(load(rays.t, i), primitive_of(scene.accel, load(rays.slot, i)), load(rays.instance, i))
+
+
+@kernel
 def generate(scene, view, batch, column, row, columns, rows, first, samples):
     """Camera rays for `samples` samples of each pixel of a tile, those of a pixel one after the other."""
     n = i32(0)
@@ -165,6 +193,14 @@ def generate(scene, view, batch, column, row, columns, rows, first, samples):
 
 
 @kernel
+def clear_layers(scene, batch, n):
+    """No light in the layers of the paths."""
+    for column in range(light_columns(scene)):
+        for i in range(n):
+            store(batch.parts, column * STRIDE + i, 0.0)
+
+
+@kernel
 def draw_numbers(scene, view, batch, n, depth):
     """The random numbers of all paths, in a loop of its own, which becomes SIMD code."""
     for i in range(n):
@@ -178,6 +214,29 @@ def draw_numbers(scene, view, batch, n, depth):
 
 
 @kernel
+def store_no_group(scene, batch, i, group):
+    """Nobody asks for light groups."""
+
+
+@kernel(needs=GROUPS, otherwise=store_no_group)
+def store_group(scene, batch, i, group):
+    """The light group of a shadow ray into the arrays."""
+    store(batch.shadow_group, i, group)
+
+
+@kernel
+def one_group_at(scene, batch, i):
+    """Nobody asks for light groups."""
+    return i32(0)
+
+
+@kernel(needs=GROUPS, otherwise=one_group_at)
+def group_at(scene, batch, i):
+    """The light group of a shadow ray."""
+    return load(batch.shadow_group, i)
+
+
+@kernel
 def shade_batch(scene, view, batch, n, depth):
     """Shade all hits; the paths that go on move to the front. Returns how many, and the number of shadow rays."""
     draw_numbers(scene, view, batch, n, depth)
@@ -187,7 +246,7 @@ def shade_batch(scene, view, batch, n, depth):
     shadows = i32(0)
     for i in range(n):
         path = load_path(batch, i, depth)
-        hit = Hit(load(batch.rays.t, i), primitive_of(scene.accel, load(batch.rays.slot, i)))
+        hit = hit_of(scene, batch.rays, i)
         owner = load(batch.paths.owner, i)
         numbers = Numbers(
             load(draws, i), load(draws, STRIDE + i), load(draws, 2 * STRIDE + i), load(draws, 3 * STRIDE + i)
@@ -196,10 +255,12 @@ def shade_batch(scene, view, batch, n, depth):
         sample = load(batch.samples, STRIDE + i)
         step = shade(scene, view, path, hit, numbers, pixel, sample)
         add_light(batch.gathered, owner, step.emitted)
+        emitted_to_layers(scene, put_in_batch, batch, owner, depth, hit.primitive < 0, step, step.emitted)
         # Written in any case and kept only if there is one: a branch could not be predicted.
         store_ray(batch.shadows, shadows, step.shadow)
         store_vec3(light.red, light.green, light.blue, shadows, step.direct)
         store(batch.shadow_owner, shadows, owner)
+        store_group(scene, batch, shadows, step.light)
         shadows += i32(1) if step.shadow.tmax > 0.0 else i32(0)
         if step.path.alive:
             store_path(batch, going, step.path, owner, pixel, sample)
@@ -208,28 +269,23 @@ def shade_batch(scene, view, batch, n, depth):
 
 
 @kernel
-def connect(batch, shadows):
-    """Gather the light of the shadow rays that nothing stopped."""
+def connect(scene, batch, shadows, events):
+    """Gather the light of the shadow rays that nothing stopped, after so many scattering events."""
     light = batch.shadow_light
     for i in range(shadows):
         if load(batch.shadows.slot, i) < 0:
-            add_light(batch.gathered, load(batch.shadow_owner, i), vec3_at(light.red, light.green, light.blue, i))
-
-
-@kernel(precise=True)
-def two_sum(a, b):
-    """A + b rounded, and what the rounding lost, exactly (Knuth 1969, TAOCP 2, 4.2.2)."""
-    s = a + b
-    c = s - a
-    return s, (a - (s - c)) + (b - c)
+            owner = load(batch.shadow_owner, i)
+            radiance = vec3_at(light.red, light.green, light.blue, i)
+            add_light(batch.gathered, owner, radiance)
+            to_layers(scene, put_in_batch, batch, owner, events, group_at(scene, batch, i), radiance)
 
 
 @kernel
-def add_to_film(film, i, value):
-    """Add one number of a sample to the film, keeping the digits that float32 cannot hold."""
-    total, lost = two_sum(load(film.total, i), value)
-    store(film.total, i, total)
-    store(film.lost, i, load(film.lost, i) + lost)
+def develop_layers(scene, film, place, batch, owner):
+    """Add the layers of a sample to those of its pixel."""
+    for column in range(light_columns(scene)):
+        at = place * all_columns(scene) + column
+        add_exactly(film.parts, film.parts_lost, at, load(batch.parts, column * STRIDE + owner))
 
 
 @kernel
@@ -246,14 +302,16 @@ def develop(scene, view, film, batch, column, row, columns, rows, samples):
             place = (row - view.top + y) * view.film_width + column - view.left + x
             for _ in range(samples):
                 c = vec3_at(gathered.red, gathered.green, gathered.blue, owner)
-                owner += i32(1)
                 if abs(c.x + c.y + c.z) < INF:
                     add_to_film(film, place * 3, c.x)
                     add_to_film(film, place * 3 + 1, c.y)
                     add_to_film(film, place * 3 + 2, c.z)
                     add_square(scene, film, place, square_of(scene, c))
+                    develop_layers(scene, film, place, batch, owner)
+                    squares_to_layer(scene, put_in_film, film, place, c)
                 else:
                     rejected += 1
+                owner += i32(1)
             store(film.counts, place, u32(load(film.counts, place) + u32(samples)))
     return rejected
 
@@ -271,6 +329,7 @@ def render_tile(scene, view, film, batch, column, row, columns, rows, first, sam
     """Some samples of each pixel of a tile."""
     time = read_clock()
     n = generate(scene, view, batch, column, row, columns, rows, first, samples)
+    clear_layers(scene, batch, n)
     time = lap(batch.clock, 0, time)
     depth = i32(0)
     shadows = i32(0)
@@ -281,7 +340,7 @@ def render_tile(scene, view, film, batch, column, row, columns, rows, first, sam
         trace_rays(scene, rays, shadows if connecting else n, batch.order, connecting, depth == 0)
         time = lap(batch.clock, 3 if connecting else 1, time)
         if connecting:
-            connect(batch, shadows)
+            connect(scene, batch, shadows, depth)
             time = lap(batch.clock, 3, time)
             shadows = i32(0)
         else:

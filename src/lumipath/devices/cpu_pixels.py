@@ -6,9 +6,11 @@ from ..accel.trace8 import trace_ray
 from ..kernels.adaptive import add_square, goal_of, square_of
 from ..kernels.integrators import estimate
 from ..kernels.layers import add_samples_of_layers
+from ..kernels.light_layers import squares_to_layer
 from ..lang import INF, entry, fetch_add, i32, kernel, load, store, u32
 from ..pack.layout import LAYERS
-from .cpu_batch import CANCELLED, FINISHED_TILES, NEXT_TILE, REJECTED, TILE, add_to_film
+from .cpu_batch import CANCELLED, FINISHED_TILES, NEXT_TILE, REJECTED, TILE
+from .cpu_film import add_to_film, put_in_film
 
 
 @kernel
@@ -24,6 +26,7 @@ def render_pixel(scene, view, film, column, row, place, last):
             add_to_film(film, place * 3 + 1, c.y)
             add_to_film(film, place * 3 + 2, c.z)
             add_square(scene, film, place, square_of(scene, c))
+            squares_to_layer(scene, put_in_film, film, place, c)
         else:
             rejected += 1
     store(film.counts, place, u32(max(first, last)))

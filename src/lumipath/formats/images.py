@@ -14,6 +14,7 @@ from ..scene import Environment, Texture
 from ..scene.values import Floats
 from .cubemap import equirectangular, find_faces, stack_faces
 from .files import require_file
+from .srgb import decode_srgb
 
 _MAX_PIXELS = 2**28
 
@@ -28,28 +29,49 @@ def read_pixels(path: str | Path) -> Floats:
         ImageError: missing, a folder, unreadable, no image, damaged, larger than 2^28 pixels, or with pixels that are
             not finite.
     """
-    path = Path(path)
-    require_file(path, ImageError)
-    raw, names, alpha = _read_raw(path)
-    if raw.size == 0:
-        raise ImageError(f"{path}: the image has no pixels")
-    pixels = raw[:, :, _colour_channels(names, alpha)]
-    if raw.dtype.kind == "u":
-        return _linear_of_srgb(raw.dtype.str)[pixels]
-    if not np.isfinite(pixels).all():
-        row, column = (int(i) for i in np.argwhere(~np.isfinite(pixels).all(axis=2))[0])
-        raise ImageError(f"{path}: the pixel in column {column}, row {row} is not finite: repair the image")
-    return np.ascontiguousarray(pixels, np.float32)
+    pixels, _ = _read_stored(Path(path), alpha=False)
+    return _linear_of_srgb(pixels.dtype.str)[pixels] if pixels.dtype.kind == "u" else pixels
 
 
-def read_texture(path: str | Path) -> Texture:
-    """The texture in an image file.
+def read_texture(path: str | Path, *, srgb: bool = True, alpha: bool = False, **options: Any) -> Texture:
+    """The texture in an image file; images of 8 bits stay 8 bits wide.
+
+    Args:
+        path: the file.
+        srgb: whether whole-number formats (PNG, JPEG, ...) hold colours, by the sRGB curve. False for data such as
+            roughness or normals.
+        alpha: whether to keep alpha, which is 1 in an image without one.
+        options: further fields of `Texture`.
 
     Raises:
         ImageError: the file cannot be read.
         SceneError: it has negative values.
     """
-    return Texture(image=read_pixels(path), name=Path(path).name)
+    pixels, shown = _read_stored(Path(path), alpha)
+    if pixels.dtype == np.uint16:
+        most = np.float32(65535)
+        colours = _linear_of_srgb(pixels.dtype.str)[pixels[:, :, :3]] if srgb else pixels[:, :, :3] / most
+        pixels = np.concatenate([colours, pixels[:, :, 3:] / most], axis=2)
+    if alpha and not shown:
+        opaque = np.full((*pixels.shape[:2], 1), 255 if pixels.dtype == np.uint8 else 1, pixels.dtype)
+        pixels = np.concatenate([pixels, opaque], axis=2)
+    return Texture(pixels, name=Path(path).name, srgb=srgb, **options)
+
+
+def _read_stored(path: Path, alpha: bool) -> tuple[NDArray[Any], bool]:
+    """(H, W, 3) as stored, or (H, W, 4) with an alpha that was asked for and is there; and whether it is."""
+    require_file(path, ImageError)
+    raw, names, which = _read_raw(path)
+    if raw.size == 0:
+        raise ImageError(f"{path}: the image has no pixels")
+    shown = alpha and which >= 0
+    pixels = raw[:, :, _colour_channels(names, which) + ([which] if shown else [])]
+    if raw.dtype.kind != "u":
+        if not np.isfinite(pixels).all():
+            row, column = (int(i) for i in np.argwhere(~np.isfinite(pixels).all(axis=2))[0])
+            raise ImageError(f"{path}: the pixel in column {column}, row {row} is not finite: repair the image")
+        pixels = np.ascontiguousarray(pixels, np.float32)
+    return pixels, shown
 
 
 def read_environment(path: str | Path) -> Environment:
@@ -119,5 +141,4 @@ def _colour_channels(names: list[str], alpha: int) -> list[int]:
 def _linear_of_srgb(dtype: str) -> Floats:
     """The linear value of each number of an unsigned type, by the sRGB curve: (256,) or (65536,) float32."""
     count = np.iinfo(dtype).max + 1
-    value = np.linspace(0.0, 1.0, count)
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return decode_srgb(np.linspace(0.0, 1.0, count))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ..errors import ImageError
 from ..rendering.channels import side_by_side
 from ..rendering.checkpoint import Checkpoint
-from ..rendering.image import Image, read_header
+from ..rendering.image import Image
+from ..rendering.oiio import read_header
 from .files import is_image_name
 
 # As OpenImageIO calls them.

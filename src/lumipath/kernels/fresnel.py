@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..lang import f32, kernel, sqrt
 from ..pack.layout import SCHLICK_FRESNEL
+from .vectors import white
 
 
 @kernel
@@ -39,3 +40,41 @@ def fresnel_or_schlick(scene, cosine, refracted, eta):
 def dielectric_reflectance(scene, cosine, refracted, eta):
     """Fraction of light that is reflected, 1 for total internal reflection; `refracted` from `refracted_cosine`."""
     return fresnel_or_schlick(scene, cosine, refracted, eta) if refracted > 0.0 else f32(1.0)
+
+
+@kernel
+def conductor_reflectance(cosine, eta, k):
+    """Fraction of unpolarised light that a metal with the complex index eta + i k reflects (pbrt, 4th ed., 9.3.6)."""
+    # Fresnel's equations with complex numbers written out: a^2 + b^2 is |the refracted cosine times the index|^2.
+    cosine2 = cosine * cosine
+    sine2 = 1.0 - cosine2
+    t = eta * eta - k * k - sine2
+    both = sqrt(t * t + 4.0 * eta * eta * k * k)
+    a = sqrt(max(0.0, 0.5 * (both + t)))
+    perpendicular = (both + cosine2 - 2.0 * a * cosine) / (both + cosine2 + 2.0 * a * cosine)
+    far = both * cosine2 + sine2 * sine2
+    near = 2.0 * a * cosine * sine2
+    return 0.5 * perpendicular * (1.0 + (far - near) / (far + near))
+
+
+@kernel
+def schlick_weight(cosine):
+    """(1 - cosine)^5, with which reflectance goes from its value face to face to white (Schlick 1994)."""
+    m = min(max(1.0 - cosine, 0.0), 1.0)
+    m2 = m * m
+    return m2 * m2 * m
+
+
+@kernel
+def tinted_reflectance(cosine, face_on, edge):
+    """Schlick's reflectance, multiplied by the tint `edge` at the angle of arc cos 1/7, some 82 degrees.
+
+    Kutz, Hasan and Edmondson 2021, Novel aspects of the Adobe Standard Material, section 2.
+    """
+    at_edge = face_on + (white() - face_on) * f32(0.46266436)
+    # cos (1 - cos)^6 at that angle.
+    dip = at_edge * (white() - edge) * f32(1.0 / 0.05665277)
+    m = min(max(1.0 - cosine, 0.0), 1.0)
+    m2 = m * m
+    m5 = m2 * m2 * m
+    return face_on + (white() - face_on) * m5 - dip * (cosine * m5 * m)

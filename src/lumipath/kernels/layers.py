@@ -7,15 +7,19 @@ Image Denoise on its auxiliary images advise. The other layers are of the first 
 from __future__ import annotations
 
 from ..lang import INF, Vec3, f32, i32, kernel, load, store, struct, u32
-from ..pack.layout import DIELECTRICS, MIRRORS
+from ..pack.layout import DIELECTRICS, INSTANCES, MIRRORS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.mirror import mirror_direction
 from .camera import axial_distance, camera_ray, central_numbers
-from .materials import emission_at, is_dielectric, lobes_at, transmittance
-from .path import Bounce, lobe_probabilities, medium_beyond
+from .environment import environment_from
+from .footprints import looked_at_surface
+from .lobes import Bounce, lobe_probabilities
+from .materials import emission_at, lobes_at
+from .media import is_dielectric, medium_beyond, transmittance
+from .mixes import emitting_material
+from .punctual import with_suns
 from .rays import endless_ray, offset_point
 from .sampler import camera_numbers, choice_numbers, dielectric_number
-from .surface import surface_at
 from .vectors import black, dot, frame_around, mean_component, to_local, to_world, white
 
 # Mirrors and glass that are looked through. What is behind more of them counts as white.
@@ -36,12 +40,13 @@ class FirstHit:
     depth: f32
     hits: i32  # 1, or the number of hits in a sum
     primitive: i32  # -1 for none
+    instance: i32  # that places it, -1 for none
 
 
 @kernel
 def no_hit():
     """A ray that has found nothing."""
-    return FirstHit(black(), black(), black(), black(), black(), 0.0, 0.0, 0.0, i32(0), i32(-1))
+    return FirstHit(black(), black(), black(), black(), black(), 0.0, 0.0, 0.0, i32(0), i32(-1), i32(-1))
 
 
 @kernel
@@ -97,12 +102,15 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         event = i32(turn)
         hit = trace(scene, ray, False)
         if hit.primitive < 0:
+            if event == 0:
+                seen = with_suns(scene, ray.d, environment_from(scene, ray.d).radiance)
+                first = FirstHit(black(), black(), black(), black(), seen, 0.0, 0.0, 0.0, i32(0), i32(-1), i32(-1))
             break
-        s = surface_at(scene, ray, hit)
+        s = looked_at_surface(scene, view, ray, hit, pixel, sample, event)
         if event == 0:
-            emission = emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)
-            depth = axial_distance(view, s.p)
-            first = FirstHit(black(), black(), s.n, s.p, emission, s.u, s.v, depth, i32(1), hit.primitive)
+            emission = emission_at(scene, emitting_material(scene, s, hit.primitive), s.corner, s.u, s.v, s.w1, s.w2)
+            depth = axial_distance(scene, view, s.p)
+            first = FirstHit(black(), black(), s.n, s.p, emission, s.u, s.v, depth, i32(1), hit.primitive, hit.instance)
         behind = is_dielectric(scene, s.material) & (not s.front)
         medium = s.material if behind else medium
         throughput = throughput * transmittance(scene, medium, hit.t)
@@ -139,6 +147,7 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         rest.z,
         first.hits,
         first.primitive,
+        first.instance,
     )
 
 
@@ -150,7 +159,7 @@ def finite(value):
 
 @kernel
 def joined(a, b):
-    """The sum of two hits; the primitive is that of the second."""
+    """The sum of two hits; primitive and instance are those of the second."""
     return FirstHit(
         a.albedo + b.albedo,
         a.normal + b.normal,
@@ -162,6 +171,7 @@ def joined(a, b):
         a.depth + b.depth,
         i32(a.hits + b.hits),
         b.primitive,
+        b.instance,
     )
 
 
@@ -181,6 +191,17 @@ def add_vector(layers, place, column, value):
         add_number(layers, place, column, value.x)
         add_number(layers, place, i32(column + 1), value.y)
         add_number(layers, place, i32(column + 2), value.z)
+
+
+@kernel
+def store_no_instance(scene, layers, place, instance):
+    """A scene without instances."""
+
+
+@kernel(needs=INSTANCES, otherwise=store_no_instance)
+def store_instance(scene, layers, place, instance):
+    """Write down the instance at a pixel's middle."""
+    store(layers.instances, place, instance)
 
 
 @kernel
@@ -208,6 +229,7 @@ def add_samples_of_layers(scene, view, trace, layers, column, row, place, first,
         found = first_hit(scene, view, trace, ray, pixel, sample)
         if turn < 0:
             store(layers.primitives, place, found.primitive)
+            store_instance(scene, layers, place, found.instance)
         else:
             total = joined(total, found)
     wanted = layers.columns

@@ -11,6 +11,7 @@ from ..pack.layout import (
     ENVIRONMENT_LIGHT,
     LIGHT_TREE,
     MANY_LIGHTS,
+    OPACITY,
     OPEN_CONE,
     POINT_LIGHT,
     POINT_LIGHTS,
@@ -28,6 +29,7 @@ from .alias import Pick, resolve_alias
 from .environment import sample_environment
 from .light_tree import Chosen, descend, rival_of
 from .materials import emission_at
+from .opacity import opacity_at
 from .punctual import (
     LightSample,
     light_row,
@@ -90,7 +92,8 @@ def sample_triangle_light(scene, light, o, u, v):
 def triangle_radiance(scene, primitive, material, w1, w2):
     """Radiance of a point on an emissive triangle."""
     u, v = interpolated_uv(scene, primitive, w1, w2)
-    return emission_at(scene, material, primitive * 4, u, v, w1, w2)
+    corner = primitive * 4
+    return emission_at(scene, material, corner, u, v, w1, w2) * opacity_at(scene, material, corner, u, v, w1, w2)
 
 
 @kernel
@@ -110,6 +113,18 @@ def interpolated_uv(scene, primitive, w1, w2):
     u = load(scene.vertices, i0 + 3) * w0 + load(scene.vertices, i1 + 3) * w1 + load(scene.vertices, i2 + 3) * w2
     v = load(scene.vertices, i0 + 7) * w0 + load(scene.vertices, i1 + 7) * w1 + load(scene.vertices, i2 + 7) * w2
     return u, v
+
+
+@kernel
+def closed(scene):
+    """A scene whose surfaces are all closed."""
+    return False
+
+
+@kernel(needs=OPACITY, otherwise=closed)
+def through_holes(scene):
+    """Whether the far side of a closed shape may be seen from outside."""
+    return True
 
 
 @kernel
@@ -137,9 +152,11 @@ def sample_quadric_light(scene, light, o, a, b):
     facing = -dot(normal, direction)
     cosine = abs(facing)
     # The far side of a closed shape is seen from inside only.
-    seen = (facing > 0.0) | (q.kind == OPEN_CONE) | is_inside(q, local)
+    seen = (facing > 0.0) | (q.kind == OPEN_CONE) | is_inside(q, local) | through_holes(scene)
     u, v = object_uv(q, point.p, point.n)
-    radiance = emission_at(scene, as_int(names[2]), i32(-1), u, v, 0.0, 0.0)
+    material = as_int(names[2])
+    shown = opacity_at(scene, material, i32(-1), u, v, 0.0, 0.0)
+    radiance = emission_at(scene, material, i32(-1), u, v, 0.0, 0.0) * shown
     pdf = names[3] / area_scale(q, point.n) * distance2 / cosine if (cosine > GRAZING) & seen else f32(0.0)
     pdf = names[3] * drawn.gain if drawn.gain > 0.0 else pdf
     return LightSample(direction, distance, radiance, pdf, pdf, False)
@@ -238,7 +255,7 @@ def sample_from_table(scene, o, n, pixel, sample, seed, depth, u, v):
     """A light chosen by a probability that is the same everywhere."""
     chosen = choose_light(scene, pixel, sample, seed, depth, u)
     kind = as_int(light_row(scene, chosen.index, 0)[3])
-    return from_any(scene, chosen.index, kind, o, chosen.rest, v)
+    return from_any(scene, chosen.index, kind, o, chosen.rest, v), chosen.index
 
 
 @kernel
@@ -257,21 +274,26 @@ def sample_from_tree(scene, o, n, pixel, sample, seed, depth, u, v):
     """A light chosen by what it may do for the point."""
     chosen = pick_from_tree(scene, o, n, choice_numbers(scene, pixel, sample, seed, depth).a)
     if not chosen.pdf > 0.0:
-        return no_light()
+        # The number of any light will do.
+        return no_light(), i32(0)
     kind = as_int(light_row(scene, chosen.light, 0)[3])
     s = from_any(scene, chosen.light, kind, o, u, v)
-    return LightSample(s.direction, s.distance, s.radiance, s.pdf * chosen.pdf, s.rival * chosen.rival, s.delta)
+    s = LightSample(s.direction, s.distance, s.radiance, s.pdf * chosen.pdf, s.rival * chosen.rival, s.delta)
+    return s, chosen.light
 
 
 @kernel
 def sample_nothing(scene, o, n, pixel, sample, seed, depth, u, v):
     """A scene without lights."""
-    return no_light()
+    return no_light(), i32(-1)
 
 
 @kernel(needs=ANY_LIGHT, otherwise=sample_nothing)
 def sample_light(scene, o, n, pixel, sample, seed, depth, u, v):
-    """Light that may arrive at the point o, on the side of a surface to which n points; n = 0: on either."""
+    """Light that may arrive at the point o, and the number of the light that it comes from.
+
+    Of a surface only the side to which its normal n points is lit; n = 0: either.
+    """
     return sample_from_tree(scene, o, n, pixel, sample, seed, depth, u, v)
 
 

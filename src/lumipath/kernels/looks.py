@@ -5,10 +5,10 @@ from __future__ import annotations
 from ..lang import Vec3, f32, i32, kernel, struct
 from ..pack.layout import ALBEDO, DEPTH, NORMAL, OCCLUSION
 from .camera import axial_distance, camera_ray
+from .footprints import looked_at_surface
 from .materials import lobes_at
 from .rays import Hit, Ray, offset_point
 from .sampler import camera_numbers, direction_numbers
-from .surface import surface_at
 from .vectors import black, dot, frame_around, to_world, white
 from .warps import cosine_hemisphere
 
@@ -43,7 +43,7 @@ def albedo(scene, view, trace, column, row, pixel, sample):
     first = first_of(scene, view, trace, column, row, pixel, sample)
     if first.hit.primitive < 0:
         return black()
-    lobes = lobes_at(scene, surface_at(scene, first.ray, first.hit))
+    lobes = lobes_at(scene, looked_at_surface(scene, view, first.ray, first.hit, pixel, sample, i32(0)))
     if lobes.transmission > 0.0:
         return white()
     colour = lobes.diffuse + lobes.mirror
@@ -56,16 +56,16 @@ def normal(scene, view, trace, column, row, pixel, sample):
     first = first_of(scene, view, trace, column, row, pixel, sample)
     if first.hit.primitive < 0:
         return black()
-    return surface_at(scene, first.ray, first.hit).shading
+    return looked_at_surface(scene, view, first.ray, first.hit, pixel, sample, i32(0)).shading
 
 
 @kernel(needs=DEPTH, otherwise=normal)
 def depth(scene, view, trace, column, row, pixel, sample):
-    """Distance from the camera along its viewing direction, in metres."""
+    """Distance from the camera in metres, as `axial_distance` measures it."""
     first = first_of(scene, view, trace, column, row, pixel, sample)
     if first.hit.primitive < 0:
         return black()
-    z = axial_distance(view, first.ray.o + first.ray.d * first.hit.t)
+    z = axial_distance(scene, view, first.ray.o + first.ray.d * first.hit.t)
     return Vec3(z, z, z)
 
 
@@ -75,7 +75,7 @@ def look(scene, view, trace, column, row, pixel, sample):
     first = first_of(scene, view, trace, column, row, pixel, sample)
     if first.hit.primitive < 0:
         return black()
-    s = surface_at(scene, first.ray, first.hit)
+    s = looked_at_surface(scene, view, first.ray, first.hit, pixel, sample, i32(0))
     numbers = direction_numbers(scene, pixel, sample, view.seed, i32(0))
     direction = to_world(frame_around(s.shading), cosine_hemisphere(numbers.c, numbers.d))
     if not dot(direction, s.n) > 0.0:

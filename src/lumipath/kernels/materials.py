@@ -8,17 +8,17 @@ from ..pack.layout import (
     DIELECTRICS,
     DIFFUSE,
     EMISSION,
-    EXTINCTION,
     INTERNAL_TINT,
     MATERIAL_SIZE,
     MIRROR,
     MIRRORS,
     REFLECTION_TINT,
     REFRACTION,
+    VERTEX_COLOURS,
 )
-from .functions import exp_minus
 from .textures import colour_at
-from .vectors import black, white, xyz
+from .vectors import black, white
+from .vertex_colours import vertex_colour
 
 
 @struct
@@ -34,57 +34,57 @@ class Lobes:
 
 
 @kernel
-def no_mirror(scene, material, u, v):
+def no_mirror(scene, material, u, v, footprint):
     """No mirror lobe."""
     return black()
 
 
 @kernel(needs=MIRRORS, otherwise=no_mirror)
-def mirror_weight(scene, material, u, v):
+def mirror_weight(scene, material, u, v, footprint):
     """Weight of the mirror lobe."""
-    return colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + MIRROR), u, v)
+    return colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + MIRROR), u, v, footprint)
 
 
 @kernel
-def opaque_lobes(scene, material, diffuse, mirror, u, v):
+def opaque_lobes(scene, material, diffuse, mirror, u, v, footprint):
     """The lobes of a surface that lets no light through."""
     return Lobes(diffuse, mirror, 0.0, 1.0, white(), white())
 
 
 @kernel(needs=DIELECTRICS, otherwise=opaque_lobes)
-def with_dielectric(scene, material, diffuse, mirror, u, v):
+def with_dielectric(scene, material, diffuse, mirror, u, v, footprint):
     """All lobes."""
     row = material * MATERIAL_SIZE
     refraction = load4(scene.materials, row + REFRACTION)
-    reflection = colour_at(scene, load4(scene.materials, row + REFLECTION_TINT), u, v)
-    internal = colour_at(scene, load4(scene.materials, row + INTERNAL_TINT), u, v)
+    reflection = colour_at(scene, load4(scene.materials, row + REFLECTION_TINT), u, v, footprint)
+    internal = colour_at(scene, load4(scene.materials, row + INTERNAL_TINT), u, v, footprint)
     return Lobes(diffuse, mirror, refraction[1], refraction[0], reflection, internal)
 
 
 @kernel
-def material_lobes(scene, material, u, v):
+def material_lobes(scene, material, u, v, footprint):
     """The lobes of one material."""
-    diffuse = colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + DIFFUSE), u, v)
-    return with_dielectric(scene, material, diffuse, mirror_weight(scene, material, u, v), u, v)
+    diffuse = colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + DIFFUSE), u, v, footprint)
+    return with_dielectric(scene, material, diffuse, mirror_weight(scene, material, u, v, footprint), u, v, footprint)
 
 
 @kernel
 def single_lobes(scene, s):
     """The lobes of a surface of one material."""
-    return material_lobes(scene, s.material, s.u, s.v)
+    return material_lobes(scene, s.material, s.u, s.v, s.footprint)
 
 
 @kernel(needs=BLENDED_MATERIALS, otherwise=single_lobes)
-def lobes_at(scene, s):
+def uncoloured_lobes(scene, s):
     """The lobes at a point of a surface, blended between the materials of the corners where they differ."""
     if s.corner < 0:
-        return material_lobes(scene, s.material, s.u, s.v)
+        return material_lobes(scene, s.material, s.u, s.v, s.footprint)
     w1 = s.w1
     w2 = s.w2
     w0 = 1.0 - w1 - w2
-    a = material_lobes(scene, load(scene.vertex_materials, load(scene.corners, s.corner)), s.u, s.v)
-    b = material_lobes(scene, load(scene.vertex_materials, load(scene.corners, s.corner + 1)), s.u, s.v)
-    c = material_lobes(scene, load(scene.vertex_materials, load(scene.corners, s.corner + 2)), s.u, s.v)
+    a = corner_lobes(scene, s, 0)
+    b = corner_lobes(scene, s, 1)
+    c = corner_lobes(scene, s, 2)
     return Lobes(
         a.diffuse * w0 + b.diffuse * w1 + c.diffuse * w2,
         a.mirror * w0 + b.mirror * w1 + c.mirror * w2,
@@ -96,51 +96,44 @@ def lobes_at(scene, s):
 
 
 @kernel
-def material_emission(scene, material, u, v):
-    """Radiance that leaves a surface of one material."""
-    return colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + EMISSION), u, v)
+def corner_lobes(scene, s, which):
+    """The lobes of the material of one corner."""
+    material = load(scene.vertex_materials, load(scene.corners, s.corner + which))
+    return material_lobes(scene, material, s.u, s.v, s.footprint)
+
+
+@kernel(needs=VERTEX_COLOURS, otherwise=uncoloured_lobes)
+def lobes_at(scene, s):
+    """The lobes at a point of a surface; colours of vertices tint the Lambert lobe."""
+    lobes = uncoloured_lobes(scene, s)
+    diffuse = lobes.diffuse * vertex_colour(scene, s.corner, s.w1, s.w2)
+    return Lobes(diffuse, lobes.mirror, lobes.transmission, lobes.index, lobes.reflection_tint, lobes.internal_tint)
 
 
 @kernel
-def single_emission(scene, material, corner, u, v, w1, w2):
+def material_emission(scene, material, u, v, footprint):
     """Radiance that leaves a surface of one material."""
-    return material_emission(scene, material, u, v)
+    return colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + EMISSION), u, v, footprint)
+
+
+@kernel
+def single_emission(scene, material, corner, u, v, w1, w2, footprint):
+    """Radiance that leaves a surface of one material."""
+    return material_emission(scene, material, u, v, footprint)
 
 
 @kernel(needs=BLENDED_MATERIALS, otherwise=single_emission)
-def emission_at(scene, material, corner, u, v, w1, w2):
+def seen_emission(scene, material, corner, u, v, w1, w2, footprint):
     """Radiance that leaves a point, blended between the materials of a triangle's corners; corner as in `Surface`."""
     if corner < 0:
-        return material_emission(scene, material, u, v)
-    a = material_emission(scene, load(scene.vertex_materials, load(scene.corners, corner)), u, v)
-    b = material_emission(scene, load(scene.vertex_materials, load(scene.corners, corner + 1)), u, v)
-    c = material_emission(scene, load(scene.vertex_materials, load(scene.corners, corner + 2)), u, v)
+        return material_emission(scene, material, u, v, footprint)
+    a = material_emission(scene, load(scene.vertex_materials, load(scene.corners, corner)), u, v, footprint)
+    b = material_emission(scene, load(scene.vertex_materials, load(scene.corners, corner + 1)), u, v, footprint)
+    c = material_emission(scene, load(scene.vertex_materials, load(scene.corners, corner + 2)), u, v, footprint)
     return a * (1.0 - w1 - w2) + b * w1 + c * w2
 
 
 @kernel
-def clear(scene, medium, t):
-    """Nothing is absorbed."""
-    return white()
-
-
-@kernel(needs=DIELECTRICS, otherwise=clear)
-def transmittance(scene, medium, t):
-    """Fraction of light left after the distance t inside of material `medium`, -1 outside (Beer's law)."""
-    # What comes from infinitely far away comes from outside.
-    if (medium < 0) | (t > 1e18):
-        return white()
-    k = xyz(load4(scene.materials, medium * MATERIAL_SIZE + EXTINCTION))
-    return Vec3(exp_minus(k.x * t), exp_minus(k.y * t), exp_minus(k.z * t))
-
-
-@kernel
-def never_dielectric(scene, material):
-    """No material lets light through."""
-    return False
-
-
-@kernel(needs=DIELECTRICS, otherwise=never_dielectric)
-def is_dielectric(scene, material):
-    """Whether light goes through this material."""
-    return load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3] > 0.0
+def emission_at(scene, material, corner, u, v, w1, w2):
+    """Radiance that leaves a point, its texture as it is."""
+    return seen_emission(scene, material, corner, u, v, w1, w2, 0.0)

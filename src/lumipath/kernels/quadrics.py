@@ -79,8 +79,8 @@ def area_scale(q, n):
 
 
 @kernel(precise=True)
-def sphere_distance(o, d, tmax):
-    """Nearest t in (0, tmax) with |o + t d| = 1, else infinity."""
+def sphere_distance(o, d, tmin, tmax):
+    """Nearest t in (tmin, tmax) with |o + t d| = 1, else infinity."""
     # From the point nearest to the centre no digits cancel (Haines et al. 2019, Ray Tracing Gems, chapter 7).
     dd = plain_dot(d, d)
     middle = -plain_dot(o, d) / dd
@@ -90,31 +90,31 @@ def sphere_distance(o, d, tmax):
         return INF
     half = sqrt(rest / dd)
     t = middle - half
-    if t <= 0.0:
+    if t <= tmin:
         t = middle + half
-    return t if (t > 0.0) & (t < tmax) else INF
+    return t if (t > tmin) & (t < tmax) else INF
 
 
 @kernel(precise=True)
-def disc_distance(o, d, height, radius, tmax):
-    """T in (0, tmax) where the ray meets the disc at z = height around the z axis, else infinity."""
+def disc_distance(o, d, height, radius, tmin, tmax):
+    """T in (tmin, tmax) where the ray meets the disc at z = height around the z axis, else infinity."""
     t = (height - o.z) / d.z
     x = o.x + d.x * t
     y = o.y + d.y * t
-    return t if (t > 0.0) & (t < tmax) & (x * x + y * y <= radius * radius) else INF
+    return t if (t > tmin) & (t < tmax) & (x * x + y * y <= radius * radius) else INF
 
 
 @kernel(precise=True)
-def mantle_root(o, d, height, middle, t, tmax):
-    """`middle + t` if it is in (0, tmax) and the point at t lies between the ends of the cone, else infinity."""
+def mantle_root(o, d, height, middle, t, tmin, tmax):
+    """`middle + t` if it is in (tmin, tmax) and the point at t lies between the ends of the cone, else infinity."""
     z = o.z + d.z * t
     world = middle + t
-    return world if (world > 0.0) & (world < tmax) & (z >= 0.0) & (z <= height) else INF
+    return world if (world > tmin) & (world < tmax) & (z >= 0.0) & (z <= height) else INF
 
 
 @kernel(precise=True)
-def cone_distance(q, o, d, tmax):
-    """Nearest t in (0, tmax) on the mantle or a cap, else infinity."""
+def cone_distance(q, o, d, tmin, tmax):
+    """Nearest t in (tmin, tmax) on the mantle or a cap, else infinity."""
     best = tmax
     # Again from the point nearest to the centre.
     middle = -(plain_dot(o, d) - 0.5 * q.height * d.z) / plain_dot(d, d)
@@ -129,23 +129,29 @@ def cone_distance(q, o, d, tmax):
         root = sqrt(discriminant)
         w = -(b + root) if b >= 0.0 else root - b
         # w = 0 or a = 0 give NaN or infinity, which no comparison lets through.
-        best = min(best, mantle_root(near, d, q.height, middle, w / a, best))
-        best = min(best, mantle_root(near, d, q.height, middle, c / w, best))
+        best = min(best, mantle_root(near, d, q.height, middle, w / a, tmin, best))
+        best = min(best, mantle_root(near, d, q.height, middle, c / w, tmin, best))
     if q.kind == CAPPED_CONE:
-        best = min(best, disc_distance(o, d, f32(0.0), q.bottom, best))
-        best = min(best, disc_distance(o, d, q.height, q.top, best))
+        best = min(best, disc_distance(o, d, f32(0.0), q.bottom, tmin, best))
+        best = min(best, disc_distance(o, d, q.height, q.top, tmin, best))
     return best if best < tmax else INF
+
+
+@kernel(precise=True)
+def quadric_distance_beyond(quadrics, index, o, d, tmin, tmax):
+    """Nearest t in (tmin, tmax) where the world ray meets quadric `index`, else infinity."""
+    q = quadric_at(quadrics, index)
+    local_o = point_to_object(q, o)
+    local_d = vector_to_object(q, d)
+    if q.kind == SPHERE:
+        return sphere_distance(local_o, local_d, tmin, tmax)
+    return cone_distance(q, local_o, local_d, tmin, tmax)
 
 
 @kernel(precise=True)
 def quadric_distance(quadrics, index, o, d, tmax):
     """Nearest t in (0, tmax) where the world ray meets quadric `index`, else infinity."""
-    q = quadric_at(quadrics, index)
-    local_o = point_to_object(q, o)
-    local_d = vector_to_object(q, d)
-    if q.kind == SPHERE:
-        return sphere_distance(local_o, local_d, tmax)
-    return cone_distance(q, local_o, local_d, tmax)
+    return quadric_distance_beyond(quadrics, index, o, d, f32(0.0), tmax)
 
 
 @kernel

@@ -17,7 +17,7 @@ SHADOW_END = f32(0.999998)
 
 @struct
 class Ray:
-    """Points o + t d for 0 < t < tmax; d has length 1; tmax = 0: no ray."""
+    """Points o + t d for 0 < t < tmax; d has length 1, but for rays in an instance; tmax = 0: no ray."""
 
     o: Vec3
     d: Vec3
@@ -26,10 +26,11 @@ class Ray:
 
 @struct
 class Hit:
-    """The nearest primitive on a ray, -1 for none, and its distance."""
+    """The nearest primitive on a ray, -1 for none, its distance, and the instance that places it, -1 for none."""
 
     t: f32
     primitive: i32
+    instance: i32
 
 
 @kernel

@@ -175,3 +175,9 @@ def choice_numbers(scene, pixel, sample, seed, depth):
 def dielectric_number(scene, pixel, sample, seed, depth):
     """Whether to reflect or to refract."""
     return three_numbers(scene, pixel, sample, seed, u32(u32(depth) * _PER_BOUNCE + u32(6))).a
+
+
+@kernel
+def surface_numbers(scene, pixel, sample, seed, depth):
+    """(a): which material of a mix; (c): which step of textures."""
+    return three_numbers(scene, pixel, sample, seed, u32(u32(depth) * _PER_BOUNCE + u32(8)))

@@ -54,6 +54,12 @@ def luminance(c):
 
 
 @kernel
+def between(a, b, t):
+    """From `a` at t = 0 to `b` at t = 1, for numbers and vectors."""
+    return a * (1.0 - t) + b * t
+
+
+@kernel
 def black():
     """No light."""
     return Vec3(0, 0, 0)

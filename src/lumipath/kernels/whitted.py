@@ -23,12 +23,13 @@ from ..pack.layout import (
 )
 from .bsdf.dielectric import refracted_direction
 from .bsdf.mirror import mirror_direction
-from .camera import camera_ray
+from .camera import camera_sample
 from .environment import environment_from
 from .fresnel import refracted_cosine
 from .functions import unit_power
-from .materials import emission_at, is_dielectric, lobes_at, transmittance
-from .path import medium_beyond
+from .materials import emission_at, lobes_at
+from .media import is_dielectric, medium_beyond, transmittance
+from .normal_maps import mapped_surface
 from .punctual import light_row, sample_directional_light, sample_point_light, sample_spot_light, with_suns
 from .rays import SHADOW_END, Ray, endless_ray, offset_point
 from .sampler import camera_numbers
@@ -86,9 +87,9 @@ class Split:
 def material_phong(scene, material, lobes, u, v):
     """Phong's parameters of one material."""
     row = material * PHONG_SIZE
-    ambient = colour_at(scene, load4(scene.phong, row + PHONG_AMBIENT), u, v)
-    highlight = colour_at(scene, load4(scene.phong, row + PHONG_HIGHLIGHT), u, v)
-    mirror = colour_at(scene, load4(scene.phong, row + PHONG_MIRROR), u, v)
+    ambient = colour_at(scene, load4(scene.phong, row + PHONG_AMBIENT), u, v, 0.0)
+    highlight = colour_at(scene, load4(scene.phong, row + PHONG_HIGHLIGHT), u, v, 0.0)
+    mirror = colour_at(scene, load4(scene.phong, row + PHONG_MIRROR), u, v, 0.0)
     exponent = load4(scene.phong, row + PHONG_EXPONENT)[0]
     return Phong(ambient, lobes.diffuse, highlight, exponent, mirror, lobes.index, lobes.internal_tint)
 
@@ -260,7 +261,7 @@ def split(scene, view, trace, branch):
     if hit.primitive < 0:
         radiance = with_suns(scene, branch.ray.d, environment_from(scene, branch.ray.d).radiance)
         return Split(branch.weight * radiance, dead(branch), dead(branch))
-    s = surface_at(scene, branch.ray, hit)
+    s = mapped_surface(scene, branch.ray, hit)
     # As in the path tracer: at the back of a dielectric one has been inside, and its paint lies on its outside.
     behind = is_dielectric(scene, s.material) & (not s.front)
     medium = s.material if behind else branch.medium
@@ -317,8 +318,8 @@ def whitted(scene, view, trace, column, row, pixel, sample):
         pixel: its number in the full image.
         sample: number of the sample in the pixel.
     """
-    ray = camera_ray(scene, view, column, row, camera_numbers(scene, pixel, sample, view.seed))
-    branch = Branch(ray, white(), i32(0), i32(-1))
+    seen = camera_sample(scene, view, column, row, camera_numbers(scene, pixel, sample, view.seed))
+    branch = Branch(seen.ray, white(), i32(0), i32(-1))
     stack = stack_floats(_STACK)
     waiting = i32(0)
     total = black()
@@ -337,4 +338,4 @@ def whitted(scene, view, trace, column, row, pixel, sample):
             if going:
                 waiting = i32(waiting - 1)
                 branch = entry_of(stack, waiting)
-    return total
+    return total * seen.weight

@@ -73,7 +73,8 @@ def _triangles(geometry: Geometry, emission: NDArray[np.float64]) -> _Surfaces:
     normals, areas = geometry.face_normals()
     corner_materials = geometry.vertex_materials[geometry.faces]
     weights = areas * emission[corner_materials].mean(axis=1) if len(emission) else areas * 0
-    chosen = np.nonzero(weights > 0)[0]
+    # What instances place emits nothing there, whatever its own material: see `arrange`.
+    chosen = np.nonzero(weights[: geometry.lone_faces] > 0)[0]
     rows = np.zeros((len(chosen), int(layout.LIGHT_SIZE)), np.float32)
     numbers = rows.view(np.int32)
     corners = geometry.vertices[geometry.faces[chosen]]
@@ -103,7 +104,8 @@ def object_area(shape: Sphere | Cone) -> float:
 
 def _emissive(geometry: Geometry, emission: NDArray[np.float64]) -> list[int]:
     """Numbers of the quadrics that shine."""
-    return [k for k, number in enumerate(geometry.quadric_materials) if emission[number] > 0]
+    # As for triangles: not those of targets.
+    return [k for k, number in enumerate(geometry.quadric_materials[: geometry.lone_quadrics]) if emission[number] > 0]
 
 
 def _quadrics(geometry: Geometry, emission: NDArray[np.float64]) -> _Surfaces:
@@ -146,6 +148,7 @@ _KINDS = (
 
 
 def collect_lights(
+    scene: Scene,
     lights: Sequence[Light],
     geometry: Geometry,
     table: MaterialTable,
@@ -156,7 +159,8 @@ def collect_lights(
     """The table of all lights.
 
     Args:
-        lights: those without a surface.
+        scene: for its light groups.
+        lights: those without a surface, the sun of a sky among them.
         geometry: with the emissive triangles and quadrics.
         table: materials, for their emission.
         radius: of the scene's bounding sphere, metres.
@@ -165,9 +169,13 @@ def collect_lights(
     """
     emission = _emission_weights(table)
     triangles, quadrics = _triangles(geometry, emission), _quadrics(geometry, emission)
-    punctual = punctual_lights(lights, radius)
+    punctual = punctual_lights(lights, radius, _group_numbers(scene))
     environment = np.zeros((1 if environment_mean > 0 else 0, int(layout.LIGHT_SIZE)), np.float32)
     environment.view(np.int32)[:, 3] = layout.ENVIRONMENT_LIGHT
+    groups = light_groups(scene, table)
+    for numbers, material in ((triangles.rows.view(np.int32), 19), (quadrics.rows.view(np.int32), 18)):
+        numbers[:, layout.LIGHT_GROUP] = groups[1 + numbers[:, material]]
+    environment.view(np.int32)[:, layout.LIGHT_GROUP] = groups[0]
     environment_weights = np.full(len(environment), environment_mean * np.pi * max(radius, 1e-9) ** 2)
     rows = np.concatenate([triangles.rows, quadrics.rows, punctual.rows, environment])
     weights = np.concatenate([triangles.weights, quadrics.weights, punctual.weights, environment_weights])
@@ -221,6 +229,18 @@ def collect_lights(
     )
 
 
+def _group_numbers(scene: Scene) -> dict[str, int]:
+    """Numbers of the light groups by name; a group whose lights are all dark has none."""
+    return {name: number for number, name in enumerate(scene.light_groups)}
+
+
+def light_groups(scene: Scene, table: MaterialTable) -> NDArray[np.int32]:
+    """(1 + M,) int32: numbers of the groups of the environment and of what each material emits."""
+    names = [scene.environment.group if scene.environment else "", *(material.group for material in table.materials)]
+    numbers = _group_numbers(scene)
+    return np.array([numbers.get(name, 0) for name in names], np.int32)
+
+
 def ambient_light(scene: Scene) -> NDArray[np.float32]:
     """(4,) float32: the sum of a scene's ambient lights, and a 0."""
     total = np.zeros(4, np.float32)
@@ -232,7 +252,7 @@ def ambient_light(scene: Scene) -> NDArray[np.float32]:
 
 def scene_radius(geometry: Geometry) -> float:
     """Half the diagonal of the box around all shapes, metres; 1 for an empty scene."""
-    lower, upper = geometry.bounds()
+    lower, upper = geometry.world_bounds()
     if not len(lower):
         return 1.0
     diagonal = float(np.linalg.norm(upper.max(axis=0).astype(np.float64) - lower.min(axis=0)))

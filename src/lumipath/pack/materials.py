@@ -1,29 +1,39 @@
-"""Materials and textures as tables."""
+"""Materials as tables."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Material, Texture
+from ..errors import SceneError
+from ..scene import Appearance, Material, Mix, Texture, ThinDielectric
 from ..scene.material import is_positive
 from . import layout
+from .bsdfs import BsdfRow, write_bsdf
+from .energy import EnergyTables
+from .maps import map_rows
+from .textures import TextureTable
 
 # Stands for a transmissive part of 0: whatever enters is gone within the shortest stretch.
 _OPAQUE = 1e20
+# Priority of a medium that has none: above all others.
+_FIRST = 1e38
 
 
 class MaterialTable:
     """Collects materials, each once, and the textures that they use."""
 
-    def __init__(self) -> None:
-        self.materials: list[Material] = []
-        self._textures: list[Texture] = []
+    def __init__(self, regularize: bool = False) -> None:
+        self._regularize = regularize
+        self.materials: list[Material | Appearance] = []
+        self.textures = TextureTable()
+        self.energy = EnergyTables()
         self._numbers: dict[int, int] = {}
 
-    def number(self, material: Material) -> int:
+    def number(self, material: Material | Appearance) -> int:
         """Number of a material in the table."""
         key = id(material)
         if key not in self._numbers:
@@ -31,17 +41,18 @@ class MaterialTable:
             self.materials.append(material)
         return self._numbers[key]
 
-    def _texture_number(self, texture: Texture) -> int:
-        for number, known in enumerate(self._textures):
-            if known is texture:
-                return number
-        self._textures.append(texture)
-        return len(self._textures) - 1
+    def add_parts(self) -> None:
+        """Number the materials that only mixes use; they come behind all others."""
+        for material in self.materials:
+            if isinstance(material, Mix):
+                # The list grows, so that parts of parts come too.
+                for part in material.parts().values():
+                    self.number(part)
 
     def _write_colour(self, row: NDArray[np.float32], at: int, value: Any) -> None:
         if isinstance(value, Texture):
             row[at : at + 3] = value.mean()
-            row.view(np.int32)[at + 3] = self._texture_number(value)
+            row.view(np.int32)[at + 3] = self.textures.number(value)
         else:
             row[at : at + 3] = value
             row.view(np.int32)[at + 3] = -1
@@ -49,9 +60,57 @@ class MaterialTable:
     def rows(self) -> NDArray[np.float32]:
         """(M, 28) float32: the records of all materials."""
         table = np.zeros((len(self.materials), int(layout.MATERIAL_SIZE)), np.float32)
-        for row, material in zip(table, self.materials):
+        for row, material, appearance in zip(table, self.lobes(), self.materials):
             self._write_row(row, material)
+            if isinstance(appearance, Appearance) and appearance.extinction is not None:
+                row[layout.EXTINCTION : layout.EXTINCTION + 3] = appearance.extinction
+                row[layout.REFRACTION + 1] = 1.0
         return table
+
+    def media(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(D, 8) float32: the media of dielectrics, where any has a priority; their numbers are written into `rows`.
+
+        Raises:
+            SceneError: more media than can be numbered.
+        """
+        if all(getattr(material, "priority", None) is None for material in self.materials):
+            return np.zeros((0, int(layout.MEDIUM_SIZE)), np.float32)
+        found: list[NDArray[np.float32]] = []
+        for row, material in zip(rows, self.materials):
+            has_inside = row[layout.EXTINCTION + 3] > 0 and not isinstance(material, ThinDielectric)
+            row.view(np.int32)[layout.REFRACTION + 2] = len(found) if has_inside else -1
+            if has_inside:
+                priority = getattr(material, "priority", None)
+                extinction = row[layout.EXTINCTION : layout.EXTINCTION + 3]
+                index = row[layout.REFRACTION]
+                found.append(np.array([*extinction, _FIRST if priority is None else priority, index, 0, 0, 0]))
+        if len(found) > layout.MOST_MEDIA:
+            raise SceneError(
+                f"{len(found)} dielectrics, of which some have a priority: at most {layout.MOST_MEDIA} are possible"
+            )
+        return np.array(found, np.float32)
+
+    def lobes(self) -> list[Material]:
+        """The sum of lobes of each material, or the one that stands for it."""
+        return [
+            attrs.evolve(material.as_lobes(), emission=material.emission)
+            if isinstance(material, Appearance)
+            else material
+            for material in self.materials
+        ]
+
+    def bsdf_rows(self) -> tuple[NDArray[np.float32], int]:
+        """(M, 80) float32: the records of BSDFs, and their feature bits; no rows where all materials are lobes."""
+        table = np.zeros((len(self.materials), int(layout.BSDF_SIZE)), np.float32)
+        features = 0
+        for row, material in zip(table, self.materials):
+            if isinstance(material, Appearance):
+                features |= write_bsdf(BsdfRow(row, self.textures.number, self.energy, self._regularize), material)
+        return (table if features & layout.BSDFS else table[:0]), features
+
+    def map_rows(self) -> tuple[NDArray[np.float32], int]:
+        """(M, 16) float32: what materials do besides scattering, and their feature bits."""
+        return map_rows(self.materials, self.number, self.textures.number)
 
     def _write_row(self, row: NDArray[np.float32], material: Material) -> None:
         white = (1.0, 1.0, 1.0)
@@ -78,7 +137,7 @@ class MaterialTable:
         """(M, 16) float32: what Whitted ray tracing needs besides."""
         table = np.zeros((len(self.materials), int(layout.PHONG_SIZE)), np.float32)
         black = (0.0, 0.0, 0.0)
-        for row, material in zip(table, self.materials):
+        for row, material in zip(table, self.lobes()):
             specular = material.specular if material.specular is not None else black
             mirror = material.reflective
             if mirror is None:
@@ -90,22 +149,10 @@ class MaterialTable:
             row[layout.PHONG_EXPONENT] = material.shininess
         return table
 
-    def textures(self) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """(N, 4) int32 texture records and (., 4) float32 texels; call after `rows` and `phong_rows`."""
-        records = np.zeros((len(self._textures), 4), np.int32)
-        texels = []
-        first = 0
-        for record, texture in zip(records, self._textures):
-            height, width, _ = texture.image.shape
-            record[:] = first, width, height, texture.wrap == "clamp"
-            texels.append(np.concatenate([texture.image.reshape(-1, 3), np.zeros((height * width, 1), np.float32)], 1))
-            first += height * width
-        return records, np.concatenate(texels) if texels else np.zeros((0, 4), np.float32)
-
     def features(self) -> int:
-        """Feature bits of the materials."""
-        mask = 0
-        for material in self.materials:
+        """Feature bits of the materials; call after all rows."""
+        mask = layout.TEXTURES if len(self.textures) else 0
+        for material in self.lobes():
             if material.is_dielectric:
                 mask |= layout.DIELECTRICS
             elif is_positive(material.reflective) and material.specular is None:

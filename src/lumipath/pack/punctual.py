@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from attrs import frozen
@@ -94,12 +94,13 @@ def _shines(light: Light) -> bool:
     return isinstance(light, DirectionalLight) and is_positive(light.colour)
 
 
-def punctual_lights(lights: Sequence[Light], radius: float) -> PunctualTable:
+def punctual_lights(lights: Sequence[Light], radius: float, groups: Mapping[str, int]) -> PunctualTable:
     """Records of all lights without a surface that shine.
 
     Args:
         lights: of the scene; ambient ones are left out.
         radius: of the scene's bounding sphere, metres.
+        groups: numbers of the light groups by name.
     """
     shining = [light for light in lights if _shines(light)]
     points = [light for light in shining if isinstance(light, PointLight) and light.intensity is None]
@@ -110,11 +111,13 @@ def punctual_lights(lights: Sequence[Light], radius: float) -> PunctualTable:
     ]
     distant = [light for light in shining if isinstance(light, DirectionalLight)]
     near = [_point(light, radius) for light in points] + [_spot(light) for light in spots]
-    far = [_distant(light, radius) for light in sorted(distant, key=lambda light: light.angle > 0)]
-    rows = [row for row, *_ in [*near, *far]]
+    distant.sort(key=lambda light: light.angle > 0)
+    far = [_distant(light, radius) for light in distant]
+    rows = np.array([row for row, *_ in [*near, *far]], np.float32).reshape(-1, int(layout.LIGHT_SIZE))
+    rows.view(np.int32)[:, layout.LIGHT_GROUP] = [groups.get(light.group, 0) for light in [*points, *spots, *distant]]
     weights = np.array([found[1] for found in [*near, *far]])
     return PunctualTable(
-        np.array(rows, np.float32).reshape(-1, int(layout.LIGHT_SIZE)),
+        rows,
         np.maximum(weights, 1e-30),
         np.array([bounds for *_, bounds in near]).reshape(-1, BOUNDS),
         len(near),

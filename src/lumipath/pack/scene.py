@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import warnings
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -15,15 +15,18 @@ from ..lang import Features, aligned, f32, i32, u32
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from . import layout
+from .camera import camera_features, lens_numbers, overridden
 from .environment import no_environment, pack_environment
 from .geometry import Geometry, flatten, vertex_rows
 from .layout import PackedScene, View
-from .lights import ambient_light, collect_lights, scene_radius
+from .lights import ambient_light, collect_lights, light_groups, scene_radius
 from .materials import MaterialTable
 from .sky import far_light
 
 # Primitive numbers share a 32-bit word with a flag.
 _MAX_PRIMITIVES = 1 << 29
+# Links of the GPU's trees have so many bits for them.
+_MAX_INSTANCES = 1 << 26
 
 
 @frozen(eq=False)
@@ -34,36 +37,56 @@ class Packed:
     geometry: Geometry
     material_names: tuple[str, ...]
 
+    def with_tree(self, accel: Any, roots: list[int]) -> PackedScene:
+        """The scene with a tree that a device walks, in which the trees of targets begin at the nodes `roots`."""
+        instancing = self.geometry.instancing
+        if instancing is None:
+            return self.scene._replace(accel=accel)
+        instances = aligned(self.scene.instances)
+        instances.view(np.int32)[:, layout.INSTANCE_LINK] = np.array(roots, np.int32)[instancing.targets]
+        return self.scene._replace(accel=accel, instances=instances)
 
-def pack_scene(scene: Scene, light_sampling: str = "auto") -> Packed:
+
+def pack_scene(scene: Scene, *, light_sampling: str = "auto", regularize: bool = False) -> Packed:
     """Flatten a scene. The tree is left out: each kind of device has its own.
 
     Args:
-        scene: to flatten.
+        scene: what to render.
         light_sampling: as in `RenderSettings`; the tree of lights, unlike that of rays, is made here.
+        regularize: whether clear glass may grow rough, as the setting of that name wants.
 
     Raises:
         SceneError: more primitives or materials than can be numbered.
     """
-    table = MaterialTable()
+    table = MaterialTable(regularize)
     geometry = flatten(scene, table)
     primitives = len(geometry.faces) + len(geometry.quadrics)
     if primitives >= _MAX_PRIMITIVES:
         raise SceneError(f"{scene.name} has {primitives} primitives; at most {_MAX_PRIMITIVES} are possible")
+    if geometry.instancing is not None and len(geometry.instancing.rows) >= _MAX_INSTANCES:
+        raise SceneError(
+            f"{scene.name} has {len(geometry.instancing.rows)} instances; at most {_MAX_INSTANCES} are possible"
+        )
     if primitives == 0:
         warnings.warn(f"{scene.name} has no shapes: only its background is rendered", LumipathWarning, stacklevel=2)
     far, sun = far_light(scene.environment)
     environment = pack_environment(far) if far else no_environment()
     radius = scene_radius(geometry)
-    lights = collect_lights([*scene.lights, *sun], geometry, table, radius, environment.mean, light_sampling)
-    features = geometry.features | table.features() | lights.features
+    lights = collect_lights(scene, [*scene.lights, *sun], geometry, table, radius, environment.mean, light_sampling)
+    table.add_parts()
+    bsdfs, bsdf_features = table.bsdf_rows()
+    maps, map_features = table.map_rows()
+    rows = table.rows()
+    phong = table.phong_rows()
+    features = geometry.features | table.features() | bsdf_features | map_features | lights.features
+    features |= layout.OPACITY if geometry.holes().any() else 0
     if len(table.materials) > int(layout.MATERIAL_MASK):
         raise SceneError(
             f"{scene.name} has {len(table.materials)} materials; at most {layout.MATERIAL_MASK} are possible"
         )
-    rows = table.rows()
-    phong = table.phong_rows()
-    textures, texels = table.textures()
+    media = table.media(rows)
+    features |= layout.NESTED if len(media) else 0
+    textures, texels, texel_words = table.textures.arrays()
     has_vertex_data = bool(features & layout.VERTEX_DATA)
     corners = np.zeros((len(geometry.faces) if has_vertex_data else 0, 4), np.int32)
     if has_vertex_data:
@@ -81,10 +104,19 @@ def pack_scene(scene: Scene, light_sampling: str = "auto") -> Packed:
             lights.emitter_density if features & layout.SURFACE_LIGHTS else np.zeros(0, np.float32)
         ),
         quadrics=aligned(geometry.quadric_rows),
+        instances=aligned(_instance_rows(geometry)),
         materials=aligned(rows),
         phong=aligned(phong),
+        bsdfs=aligned(bsdfs),
+        maps=aligned(maps if features & layout.MAPS else maps[:0]),
+        vertex_colours=aligned(
+            geometry.vertex_colours if features & layout.VERTEX_COLOURS else np.zeros((0, 4), np.float32)
+        ),
+        media=aligned(media),
+        energy=aligned(table.energy.rows(features)),
         textures=aligned(textures),
         texels=aligned(texels),
+        texel_words=aligned(texel_words),
         lights=aligned(lights.rows),
         light_count=i32(len(lights.rows)),
         first_delta=i32(lights.first_delta),
@@ -97,6 +129,8 @@ def pack_scene(scene: Scene, light_sampling: str = "auto") -> Packed:
         tree_probability=f32(lights.tree_probability),
         first_infinite=i32(lights.first_infinite),
         ambient=aligned(ambient_light(scene)),
+        light_groups=aligned(light_groups(scene, table)),
+        group_count=i32(len(scene.light_groups)),
         extent=f32(2 * radius),
         triangle_count=i32(len(geometry.faces)),
         environment=aligned(environment.texels),
@@ -117,8 +151,15 @@ def _primitive_rows(geometry: Geometry) -> NDArray[np.float32]:
     rows[:triangles, :3] = geometry.face_normals()[0]
     materials = np.concatenate([geometry.face_materials, geometry.quadric_materials]).astype(np.uint32)
     exponents = np.frexp(np.maximum(geometry.reach(), 1e-37))[1].astype(np.uint32) + np.uint32(127)
-    rows.view(np.uint32)[:, 3] = exponents << np.uint32(layout.REACH_SHIFT) | materials
+    holes = geometry.holes().astype(np.uint32) * np.uint32(layout.HAS_HOLES)
+    rows.view(np.uint32)[:, 3] = exponents << np.uint32(layout.REACH_SHIFT) | holes | materials
     return rows
+
+
+def _instance_rows(geometry: Geometry) -> NDArray[np.float32]:
+    """(I, 20) float32: the records of all instances."""
+    instancing = geometry.instancing
+    return np.zeros((0, int(layout.INSTANCE_SIZE)), np.float32) if instancing is None else instancing.rows
 
 
 _INTEGRATORS = {
@@ -131,34 +172,60 @@ _INTEGRATORS = {
 }
 
 
-def _camera_features(settings: RenderSettings, camera: Camera) -> int:
-    """Feature bits of camera rays."""
-    mask = layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
-    aperture = camera.aperture if settings.aperture is None else settings.aperture
-    blades = camera.blades if settings.blades is None else settings.blades
-    mask |= layout.LENS if aperture > 0 else 0
-    mask |= layout.BLADES if aperture > 0 and blades > 0 else 0
-    return mask
-
-
 # What chooses a light and a point on it.
 _ONLY_FOR_LIGHT = layout.ANY_LIGHT | layout.MANY_LIGHTS | layout.LIGHT_TREE | layout.ROUND_LIGHTS
 
 
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
-    """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it looks at no lights."""
-    mask = scene & ~_ONLY_FOR_LIGHT | layout.LAYERS | _camera_features(settings, camera)
+    """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it samples no lights."""
+    surfaces_only = scene & ~_ONLY_FOR_LIGHT | scene & (layout.ENVIRONMENT | layout.SUNS)
+    # Means over the positive part of a filter only: no albedo beyond 1, no depth by a division by almost 0.
+    mask = surfaces_only | layout.LAYERS | camera_features(settings, camera, signed=False)
+    # Only paths carry several media.
+    mask &= ~layout.NESTED
     return mask | (layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0)
+
+
+# Parts of the light of a pixel, each of which is rendered with the others.
+_PARTS = ("emission", "direct", "indirect")
+
+
+def _film_layer_features(settings: RenderSettings) -> int:
+    """Feature bits of the layers that every sample adds to."""
+    mask = layout.VARIANCE if "variance" in settings.aov else 0
+    if settings.integrator == "path":
+        mask |= layout.PARTS if any(name in settings.aov for name in _PARTS) else 0
+        mask |= layout.GROUPS if "light_groups" in settings.aov else 0
+    return mask
+
+
+def film_layers(settings: RenderSettings, scene: Scene) -> tuple[str, ...]:
+    """Names of the layers in `FilmArrays.parts`, in their order."""
+    mask = _film_layer_features(settings)
+    names: tuple[str, ...] = _PARTS if mask & layout.PARTS else ()
+    names += tuple(f"light_{group}" for group in scene.light_groups) if mask & layout.GROUPS else ()
+    return (*names, "variance") if mask & layout.VARIANCE else names
+
+
+def image_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
+    """Feature bits of a render of a scene whose own bits are `scene`."""
+    mask = scene | settings_features(settings, camera)
+    # Only paths carry several media.
+    return mask & ~layout.NESTED if mask & layout.PIXEL_INTEGRATORS else mask
 
 
 def settings_features(settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the settings."""
-    mask = _INTEGRATORS[settings.integrator] | _camera_features(settings, camera)
+    shows_light = settings.integrator in ("path", "whitted")
+    mask = _INTEGRATORS[settings.integrator] | camera_features(settings, camera, signed=shows_light)
     mask |= layout.ADAPTIVE if settings.noise is not None else 0
+    mask |= _film_layer_features(settings)
     if mask & layout.PIXEL_INTEGRATORS:
         return mask
     mask |= layout.UNIFORM_HEMISPHERE if settings.hemisphere == "uniform" else 0
     mask |= layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0
+    mask |= layout.CLAMP_INDIRECT if settings.clamp_indirect is not None else 0
+    mask |= layout.REGULARIZE if settings.regularize else 0
     mask |= layout.ROULETTE if settings.rr_depth is not None and settings.rr_depth < settings.max_depth else 0
     return mask
 
@@ -169,30 +236,17 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
     Raises:
         UsageError: the crop or the pixel to focus on lies outside the image, or the image is too large.
     """
-    width, height = settings.size(camera.aspect)
+    camera = overridden(camera, settings)
+    width, height = settings.size(camera.image_aspect)
     left, top, right, bottom = settings.crop_of(width, height)
     settings.check_focus_on(width, height)
-    axes = camera.axes()
     max_depth = settings.max_depth
     if settings.integrator == "whitted" and max_depth > MAX_LEVELS:
         max_depth = int(MAX_LEVELS)
         message = f"max_depth is {settings.max_depth}: the integrator whitted stops at {MAX_LEVELS}"
         warnings.warn(message, LumipathWarning, stacklevel=2)
-    half_height = math.tan(math.radians(camera.fov) / 2)
-    lens = np.zeros((5, 4), np.float32)
-    lens[0, :3] = camera.position
-    lens[1:4, :3] = axes
-    lens[0, 3] = camera.aperture if settings.aperture is None else settings.aperture
-    lens[1, 3] = camera.focus if settings.focus is None else settings.focus
-    lens[2, 3] = half_height
-    # The shape of the pixels follows the image, so that nothing is distorted.
-    lens[3, 3] = half_height * width / height
-    lens[4, 0] = camera.blades if settings.blades is None else settings.blades
-    rotation = camera.blade_rotation if settings.blade_rotation is None else settings.blade_rotation
-    # The first corner points up, a quarter turn from the right.
-    lens[4, 1] = (rotation / 360 + 0.25) % 1.0
     return View(
-        lens=aligned(lens.reshape(-1)),
+        lens=aligned(lens_numbers(camera, settings, width, height)),
         width=i32(width),
         height=i32(height),
         left=i32(left),
@@ -204,4 +258,5 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
         max_depth=i32(max_depth),
         rr_depth=i32(settings.rr_depth if settings.rr_depth is not None else 1 << 30),
         ao_distance=f32(settings.ao_distance or 0.0),
+        clamp_indirect=f32(settings.clamp_indirect or 0.0),
     )

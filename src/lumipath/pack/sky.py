@@ -88,9 +88,10 @@ def far_light(environment: Environment | Sky | None) -> tuple[Environment | None
     """An environment as an image, and the sun that goes with it, if any."""
     if not isinstance(environment, Sky):
         return environment, []
-    image = Environment(image=sky_image(environment), scale=environment.scale, name="sky")
+    group = environment.group
+    image = Environment(image=sky_image(environment), scale=environment.scale, name="sky", group=group)
     if not environment.sun:
         return image, []
     colour = sun_colour(environment) * environment.scale
     away = [-x for x in environment.direction]
-    return image, [DirectionalLight(direction=away, colour=colour, angle=environment.sun_angle)]
+    return image, [DirectionalLight(direction=away, colour=colour, angle=environment.sun_angle, group=group)]

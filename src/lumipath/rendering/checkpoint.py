@@ -18,8 +18,9 @@ from attrs import frozen
 from .. import __version__
 from ..errors import CheckpointError, LumipathError
 from ..formats.files import require_file
+from ..pack.camera import camera_of
 from ..scene import Camera, Scene, scene_digest
-from ..settings import NOT_IN_SAMPLES, RenderSettings
+from ..settings import FILTER_RADII, NOT_IN_SAMPLES, RenderSettings
 from .files import claim_space, replacing, target_of, temporary_for, try_to_write
 from .film import Film
 from .image import SUFFIXES, Image
@@ -61,16 +62,16 @@ class Identity:
     @classmethod
     def of(cls, scene: Scene, settings: RenderSettings) -> Identity:
         """The identity of a render; what the camera decides is put in."""
-        camera = scene.camera(settings.camera)
-        width, height = settings.size(camera.aspect)
+        camera = camera_of(scene, settings)
+        width, height = settings.size(camera.image_aspect)
         left_out = (*NOT_IN_SAMPLES, "seed", "first_sample")
         values = {name: value for name, value in attrs.asdict(settings).items() if name not in left_out}
         values["width"], values["height"] = width, height
         values["crop"] = settings.crop_of(width, height)
-        values["camera"] = _camera_values(camera)
+        values["camera"], values["projection"] = _camera_values(camera), camera.projection
         for name in ("aperture", "focus", "blades", "blade_rotation"):
-            given = getattr(settings, name)
-            values[name] = float(getattr(camera, name) if given is None else given)
+            values[name] = float(getattr(camera, name))
+        values["filter_radius"] = float(settings.filter_radius or FILTER_RADII[settings.filter])
         # As it comes back from a file.
         return cls(__version__, scene_digest(scene), json.loads(json.dumps(values)))
 
@@ -88,20 +89,35 @@ class Identity:
         return found
 
 
+# Fields of a camera that say which direction a pixel shows, by its projection; the first one is always named.
+_PROJECTED = {
+    "perspective": ("fov", "shift"),
+    "orthographic": ("height", "shift"),
+    "panorama": ("longitude", "latitude"),
+    "fisheye": ("fisheye_fov", "shift"),
+    "fisheye-equisolid": ("fisheye_fov", "shift"),
+}
+
+
 def _camera_values(camera: Camera) -> dict[str, Any]:
-    values = attrs.asdict(camera, filter=lambda field, _: field.name in ("position", "direction", "up", "fov"))
-    return {**values, "fov": float(camera.fov)}
+    """What a camera shows, as `Camera` takes it beside the projection; numbers are float, so that equals look alike."""
+    # Where an orthographic camera has no height, it depends on what is not kept here.
+    camera, plain = attrs.evolve(camera, height=camera.extent), Camera()
+    first, *others = _PROJECTED[camera.projection]
+    named = [name for name in others if getattr(camera, name) != getattr(plain, name)]
+    values = {name: getattr(camera, name) for name in ("position", "direction", "up", first, *named)}
+    return {name: float(value) if isinstance(value, int) else value for name, value in values.items()}
 
 
 def _camera_matrices(settings: dict[str, Any]) -> dict[str, tuple[float, ...]]:
     """The matrices of the camera as the attributes of OpenEXR have them: for points as rows, so transposed."""
-    camera = Camera(**settings["camera"])
+    camera = Camera(projection=settings.get("projection", "perspective"), **settings["camera"])
     to_camera = camera.world_to_camera()
-    to_ndc = camera.camera_to_ndc(settings["width"], settings["height"], settings["crop"]) @ to_camera
-    return {
-        name: tuple(matrix.T.ravel().tolist())
-        for name, matrix in (("worldToCamera", to_camera), ("worldToNDC", to_ndc))
-    }
+    matrices = {"worldToCamera": to_camera}
+    to_ndc = camera.camera_to_ndc(settings["width"], settings["height"], settings["crop"])
+    if to_ndc is not None:
+        matrices["worldToNDC"] = to_ndc @ to_camera
+    return {name: tuple(matrix.T.ravel().tolist()) for name, matrix in matrices.items()}
 
 
 def _shown(value: Any) -> str:
@@ -177,6 +193,7 @@ class Checkpoint:
                 **attrs.asdict(self.identity),
                 "ranges": [attrs.asdict(part) for part in self.ranges],
                 "size": [width, height],
+                "layers": list(self.film.layer_names),
                 "rejected": self.film.rejected,
                 "seconds": self.seconds,
                 "scene_name": self.scene_name,
@@ -185,7 +202,7 @@ class Checkpoint:
         )
 
     def image(self) -> Image:
-        """The image of its samples."""
+        """The image of its samples, with the layers that they add to."""
         metadata: dict[str, Any] = {"samples": self.film.samples}
         if len({part.seed for part in self.ranges}) == 1:
             metadata["seed"] = self.ranges[0].seed
@@ -201,7 +218,7 @@ class Checkpoint:
             "scene": self.scene_name,
         }
         metadata |= {"version": self.identity.version, "device": self.device, "scene_hash": self.identity.scene}
-        return Image(self.film.mean(), metadata | _camera_matrices(self.identity.settings))
+        return Image(self.film.mean(), metadata | _camera_matrices(self.identity.settings), self.film.layers())
 
     def require_same(self, identity: Identity, path: str | Path, what: str) -> None:
         """Make sure that this checkpoint, from the file `path`, is of the same picture as `what`.
@@ -253,7 +270,8 @@ def _unpacked(archive: zipfile.ZipFile, path: Path) -> Checkpoint:
     width, height = (int(side) for side in header["size"])
     if archive.getinfo("counts.npy").file_size < 4 * width * height:
         raise ValueError(f"it has no film of {width} x {height} pixels")
-    film = Film(width, height, adaptive="squares.npy" in archive.namelist())
+    names = [str(name) for name in header.get("layers", [])]
+    film = Film(width, height, "squares.npy" in archive.namelist(), names)
     for name, array in _kept_arrays(film).items():
         stored = _array(archive, name, array.nbytes)
         if stored.shape != array.shape or stored.dtype != array.dtype:

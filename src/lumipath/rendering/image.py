@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,30 +11,18 @@ from attrs import define, field
 from numpy.typing import NDArray
 
 from ..errors import ImageError, UsageError
-from .channels import layers_among, read_archive, side_by_side, write_archive
+from .channels import read_archive, side_by_side, write_archive
+from .display import Picture, layer_to_display, page_of
 from .files import claim_space, replacing, target_of, temporary_for, try_to_write
-from .tonemap import DATA_INTEGRATORS, check_tonemap, data_to_display, decode_srgb, to_display
+from .oiio import exr_header, read_pixels, write_pixels
+from .tonemap import DATA_INTEGRATORS, check_tonemap, data_to_display, to_display
 
 Floats = NDArray[np.float32]
 
-_EIGHT_BIT = (".png", ".jpg", ".jpeg")
 SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".hdr", ".npy", ".npz")
 LAYER_SUFFIXES = (".exr", ".npz")
 """Files that can hold layers."""
 
-# Attributes that OpenImageIO or the format itself puts into a header.
-_FOREIGN_NAMES = (
-    "compression",
-    "DateTime",
-    "PixelAspectRatio",
-    "screenWindowCenter",
-    "screenWindowWidth",
-    "Software",
-)
-# Names that the EXR format keeps for itself: ours are written as `lumipath:NAME`.
-_EXR_RESERVED = ("channels", "chunkCount", "dataWindow", "displayWindow", "lineOrder", "name", "type", "version")
-_EXR_PREFIX = "lumipath:"
-_INT32_MAX = (1 << 31) - 1
 # Longest value that `repr` shows.
 _SHORT = 60
 
@@ -124,17 +110,37 @@ class Image:
         return np.array(self.pixels, dtype, copy=copy)
 
     def __repr__(self) -> str:
-        # Matrices and lists of names would fill the screen.
-        known = {key: value for key, value in self.metadata.items() if len(str(value)) <= _SHORT}
-        known |= {"layers": ", ".join(self.layers)} if self.layers else {}
+        known = self._known() | ({"layers": ", ".join(self.layers)} if self.layers else {})
         return f"Image({self.width} x {self.height}{''.join(f', {key}={value!r}' for key, value in known.items())})"
 
+    def show(self, exposure: float = 0.0, tonemap: str = "none", layer: str | None = None) -> Picture:
+        """The image, or one of its layers, as a picture that a notebook shows.
+
+        Args:
+            exposure: stops; of light, so of layers such as `direct` too.
+            tonemap: the same: one of `settings.TONEMAPS`.
+            layer: name of the layer; None: the image itself. Layers that are no light are shown as `layer_to_display`
+                says.
+
+        Raises:
+            UsageError: no such layer, no such tonemap.
+        """
+        if layer is None:
+            return Picture(self.to_uint8(exposure, tonemap))
+        return Picture(layer_to_display(layer, self[layer], exposure, check_tonemap(tonemap)))
+
     def _repr_png_(self) -> bytes:
-        """The image as a notebook shows it."""
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, "image.png")
-            self.select_layers().save(path)
-            return path.read_bytes()
+        """The image as a notebook shows it that knows no HTML."""
+        return self.show()._repr_png_()
+
+    def _repr_html_(self) -> str:
+        """The image, its layers as small pictures, and what is known about it, for a notebook."""
+        small = {name: self.show(layer=name) for name in self.layers}
+        return page_of(self.show(), small, self._known())
+
+    def _known(self) -> dict[str, Any]:
+        """Metadata that people read: matrices and lists of names would fill the screen."""
+        return {key: value for key, value in self.metadata.items() if len(str(value)) <= _SHORT}
 
     def to_uint8(self, exposure: float = 0.0, tonemap: str = "none") -> NDArray[np.uint8]:
         """(H, W, 3) uint8 as `save` writes it to PNG and JPEG: exposure, tonemap, sRGB curve, rounded half up.
@@ -183,19 +189,19 @@ class Image:
                 _write_npy(temporary, self.pixels)
             elif suffix == ".exr":
                 data, names = side_by_side(self.pixels, self.layers)
-                _write_with_oiio(temporary, data, _exr_header(self.metadata), names)
+                write_pixels(temporary, data, exr_header(self.metadata), names)
             elif suffix == ".npz":
                 write_archive(temporary, self.pixels, self.layers, self.metadata)
             elif suffix == ".hdr":
                 finite = np.isfinite(self.pixels).all(axis=-1, keepdims=True)
-                _write_with_oiio(temporary, np.where(finite, np.maximum(self.pixels, 0), np.float32(0)), {})
+                write_pixels(temporary, np.where(finite, np.maximum(self.pixels, 0), np.float32(0)), {})
             else:
                 shown = self.to_uint8(exposure, tonemap)
                 # libjpeg ends the whole process when the disk is full, so the room is claimed beforehand.
                 if suffix != ".png":
                     claim_space(temporary, shown.nbytes)
                 colour_space = "linear" if tonemap == "linear" or self._shows_data else "sRGB"
-                _write_with_oiio(temporary, shown, {"CompressionQuality": 95, "oiio:ColorSpace": colour_space})
+                write_pixels(temporary, shown, {"CompressionQuality": 95, "oiio:ColorSpace": colour_space})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Image:
@@ -215,7 +221,7 @@ class Image:
         if path.suffix.lower() == ".npz":
             pixels, layers, metadata = read_archive(path)
             return cls(pixels, metadata, layers)
-        return cls(_read_npy(path)) if path.suffix.lower() == ".npy" else cls(*_read_with_oiio(path))
+        return cls(_read_npy(path)) if path.suffix.lower() == ".npy" else cls(*read_pixels(path))
 
 
 def check_writable(path: str | os.PathLike[str], suffixes: tuple[str, ...] = SUFFIXES) -> None:
@@ -249,68 +255,6 @@ def _write_npy(path: Path, pixels: Floats) -> None:
         np.save(file, pixels, allow_pickle=False)
 
 
-def _write_with_oiio(
-    path: Path, data: NDArray[Any], attributes: dict[str, Any], channels: Sequence[str] = ("R", "G", "B")
-) -> None:
-    """Write (H, W, C) uint8 or float32 data as it is.
-
-    Raises:
-        OSError: for whatever reason; OpenImageIO tells no more than a text.
-    """
-    import OpenImageIO
-
-    height, width, count = data.shape
-    kind = OpenImageIO.UINT8 if data.dtype == np.uint8 else OpenImageIO.FLOAT
-    spec = OpenImageIO.ImageSpec(width, height, count, kind)
-    spec.channelnames = tuple(channels)
-    for name, value in attributes.items():
-        _set_attribute(spec, name, value)
-    output = OpenImageIO.ImageOutput.create(str(path))
-    if output is None:
-        raise OSError(OpenImageIO.geterror())
-    done = output.open(str(path), spec) and output.write_image(data)
-    done = output.close() and done
-    # The PNG writer reports success on a full disk; only its error text tells.
-    message = output.geterror()
-    if message or not done:
-        raise OSError(_plain_reason(message, path))
-
-
-def _plain_reason(message: str, path: Path) -> str:
-    if "could only write" in message or "output failed" in message.lower():
-        return "the disk is full or the file may not grow; free some space"
-    first_line = message.strip().splitlines()[0] if message.strip() else "unknown reason"
-    return first_line.replace(str(path), path.suffix + " file")
-
-
-def _exr_header(metadata: dict[str, Any]) -> dict[str, Any]:
-    known = {key: value for key, value in metadata.items() if value is not None}
-    ours = {_EXR_PREFIX + key if key in _EXR_RESERVED else key: value for key, value in known.items()}
-    return {"compression": "zip", **ours}
-
-
-def _set_attribute(spec: Any, name: str, value: Any) -> None:
-    """Store a number, a text or 16 numbers in an image header; anything else as text."""
-    import OpenImageIO
-
-    array = np.asarray(value) if isinstance(value, (list, tuple, np.ndarray)) else None
-    if array is not None and array.size == 16 and array.dtype.kind in "if":
-        spec.attribute(name, OpenImageIO.TypeDesc("matrix"), tuple(float(number) for number in array.ravel()))
-    elif isinstance(value, (int, np.integer)) and abs(int(value)) <= _INT32_MAX:
-        spec.attribute(name, int(value))
-    elif isinstance(value, (float, np.floating)):
-        spec.attribute(name, float(value))
-    else:
-        spec.attribute(name, str(value))
-
-
-def _attribute_value(value: Any) -> Any:
-    # EXR headers have 32-bit integers only, so a larger one was stored as text.
-    if isinstance(value, str) and value.isdigit() and int(value) > _INT32_MAX:
-        return int(value)
-    return value
-
-
 def _read_npy(path: Path) -> NDArray[Any]:
     try:
         array = np.load(path, allow_pickle=False)
@@ -319,40 +263,3 @@ def _read_npy(path: Path) -> NDArray[Any]:
     if not isinstance(array, np.ndarray) or array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
         raise ImageError(f"{path}: it must hold one array of numbers of the shape height x width x 3")
     return array
-
-
-def _read_with_oiio(path: Path) -> tuple[Floats, dict[str, Any], dict[str, NDArray[Any]]]:
-    import OpenImageIO
-
-    source = OpenImageIO.ImageInput.open(str(path))
-    if source is None:
-        reason = OpenImageIO.geterror().strip().splitlines()
-        raise ImageError(f"{path}: cannot be read: {reason[0] if reason else 'not an image'}")
-    spec = source.spec()
-    data = source.read_image(OpenImageIO.FLOAT)
-    message = source.geterror()
-    source.close()
-    if data is None or message:
-        raise ImageError(f"{path}: cannot be read: {(message.strip().splitlines() or ['the file is damaged'])[0]}")
-    data = np.asarray(data, np.float32).reshape(spec.height, spec.width, spec.nchannels)
-    pixels = data[:, :, _colour_channels(spec.channelnames)]
-    if path.suffix.lower() in _EIGHT_BIT:
-        return decode_srgb(pixels), {}, {}
-    if path.suffix.lower() != ".exr":
-        return pixels, {}, {}
-    return pixels, read_header(spec), layers_among(data, list(spec.channelnames))
-
-
-def _colour_channels(names: Any) -> list[int]:
-    """Which three channels are red, green and blue; a grey image has the same one three times."""
-    names = list(names)
-    if {"R", "G", "B"} <= set(names):
-        return [names.index(name) for name in "RGB"]
-    return [0, 1, 2] if len(names) >= 3 else [0, 0, 0]
-
-
-def read_header(spec: Any) -> dict[str, Any]:
-    """The metadata in an OpenImageIO header, without what the format and the library put there."""
-    named = {entry.name.removeprefix(_EXR_PREFIX): entry.value for entry in spec.extra_attribs}
-    ours = {name: value for name, value in named.items() if ":" not in name and name not in _FOREIGN_NAMES}
-    return {name: _attribute_value(value) for name, value in ours.items()}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 
 from attrs import evolve
 
-from ..errors import CheckpointError
+from ..errors import CheckpointError, LumipathWarning
 from .checkpoint import Checkpoint, SampleRange
 from .film import Film
 
@@ -24,15 +25,23 @@ def merge(paths: Sequence[str | Path]) -> Checkpoint:
     first = Checkpoint.load(paths[0])
     held = [(paths[0], part) for part in first.ranges]
     film, seconds, devices = first.film, first.seconds, [first.device]
+    left_out: set[str] = set()
     # One after the other, so that two films are in memory, not all of them.
     for path in paths[1:]:
         other = Checkpoint.load(path)
         other.require_same(first.identity, path, str(paths[0]))
         held += [(path, part) for part in other.ranges]
         _require_disjoint(held)
+        kept = [name for name in film.layer_names if name in other.film.layer_names]
+        left_out |= {*film.layer_names, *other.film.layer_names} - {*kept}
         _add(film, other.film, path)
         seconds += other.seconds
         devices += [] if other.device in devices else [other.device]
+    if left_out:
+        message = (
+            f"not all of {', '.join(map(str, paths))} have the layers {', '.join(sorted(left_out))}: the sum has none"
+        )
+        warnings.warn(message, LumipathWarning, stacklevel=2)
     ranges = joined([part for _, part in held])
     return evolve(first, film=film, ranges=ranges, seconds=seconds, device=", ".join(devices))
 

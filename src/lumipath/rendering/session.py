@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +16,16 @@ from ..devices.device import Device
 from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
 from ..pack import layout
-from ..pack.scene import Packed, layer_features, pack_scene, pack_view, settings_features
+from ..pack.camera import camera_features, camera_of
+from ..pack.scene import Packed, film_layers, image_features, layer_features, pack_scene, pack_view
 from ..scene import Camera, Scene
 from ..settings import RenderSettings
 from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
 from .film import Film, level
 from .image import Image
 from .layer_film import LayerFilm
-from .noise import begin_goals, needed_samples, raise_goals, tile_errors
-
-# Less time than this is none: a pass takes longer to begin.
-_LEAST_SECONDS = 1e-3
+from .layers import layer_names
+from .stopping import StopRules
 
 
 @frozen
@@ -116,14 +112,16 @@ class Session:
                 LumipathWarning,
                 stacklevel=2,
             )
-        camera = scene.camera(self.settings.camera)
+        camera = camera_of(scene, self.settings)
         self._view = pack_view(camera, self.settings)
         self._identity = Identity.of(scene, self.settings)
         adaptive = self.settings.noise is not None
-        self.film = Film(int(self._view.film_width), int(self._view.film_height), adaptive)
+        width, height = int(self._view.film_width), int(self._view.film_height)
+        self.film = Film(width, height, adaptive, film_layers(self.settings, scene))
         self._layers: LayerFilm | None = None
-        if self.settings.aov:
-            self._layers = LayerFilm(self.settings.aov, self.film.width, self.film.height, self.settings.sample_limit)
+        apart = [name for name in self.settings.aov if name not in (*self.film.layer_names, "light_groups")]
+        if apart:
+            self._layers = LayerFilm(apart, width, height, self.settings.sample_limit)
         self._file, found = self._open_checkpoint(checkpoint, resume)
         self.device: Device = open_device(device, self.settings.threads, self.settings.kernel)
         try:
@@ -137,8 +135,7 @@ class Session:
         self.render_seconds = 0.0
         self.resumed = 0.0
         self._warned = False
-        # What the last look at the noise found: the worst tile, and the samples that will be needed.
-        self._estimate: tuple[float, float] | None = None
+        self._rules = StopRules(self.settings, self.film)
         self._work: Generator[int, None, None] | None = None
         if found is not None:
             self._take(found)
@@ -146,11 +143,12 @@ class Session:
     def _prepare(self, camera: Camera) -> None:
         """Bring the scene to the device, and compile the kernels for what it uses."""
         start = time.perf_counter()
-        host = pack_scene(self.scene, self.settings.light_sampling)
+        settings = self.settings
+        host = pack_scene(self.scene, light_sampling=settings.light_sampling, regularize=settings.regularize)
         packed = self.device.upload(host)
-        features = packed.features.mask | settings_features(self.settings, camera)
+        features = image_features(packed.features.mask, self.settings, camera)
         if self.settings.focus_on is not None:
-            focus = self._distance_of(self.settings.focus_on, host, packed)
+            focus = self._distance_of(self.settings.focus_on, host, packed, camera)
             self._view = pack_view(camera, attrs.evolve(self.settings, focus=focus, focus_on=None))
         self._packed = packed._replace(features=Features(features))
         self.build_seconds = time.perf_counter() - start
@@ -163,11 +161,12 @@ class Session:
             self.device.compile_layers(self._packed_for_layers, self._view, self._layers.arrays)
         self.compile_seconds = time.perf_counter() - start
 
-    def _distance_of(self, pixel: tuple[int, int], host: Packed, packed: layout.PackedScene) -> float:
-        """How far away what a pixel shows is, along the viewing direction."""
+    def _distance_of(self, pixel: tuple[int, int], host: Packed, packed: layout.PackedScene, camera: Camera) -> float:
+        """How far away what a pixel shows is, measured as the focus is."""
         from ..devices.focus import distance_at
 
-        distance = distance_at(host, packed, self._view, pixel, self.settings.threads)
+        bits = camera_features(self.settings, camera, signed=False)
+        distance = distance_at(host, packed, self._view, pixel, self.settings.threads, bits)
         if distance == float("inf"):
             raise UsageError(f"focus_on {pixel} shows only the background; name a pixel that shows a surface")
         return distance
@@ -201,6 +200,12 @@ class Session:
             raise CheckpointError(
                 f"{path} was rendered without noise, and cannot be gone on with it; leave it away, or begin anew"
             )
+        missing = [name for name in self.film.layer_names if name not in found.film.layer_names]
+        if missing:
+            raise CheckpointError(
+                f"{path} was rendered without the layers {', '.join(missing)}; leave them away, or begin anew"
+            )
+        found.film.keep_layers(self.film.layer_names)
         return found
 
     @property
@@ -224,50 +229,11 @@ class Session:
 
     def _next_stop(self) -> int | None:
         """Up to how many samples per pixel the next pass goes; None where the render is at its end."""
-        limit = self.settings.sample_limit
-        if self.film.is_adaptive and not self.film.goals.max():
-            begin_goals(self.film, limit)
-        if not self.film.counts.min() and self.settings.time is not None:
-            # However short the time, every pixel gets a sample.
-            return 1
-        if self._seconds_left < _LEAST_SECONDS:
-            return None
-        done = self.film.fewest(limit)
-        if done is None and self._raise_goals(limit):
-            done = self.film.fewest(limit)
-        return None if done is None else min(limit, self.device.next_stop(done, self.width * self.height))
-
-    def _raise_goals(self, limit: int) -> bool:
-        """Look at the noise of a film whose goals are reached; whether some tiles have higher goals now."""
-        noise = self.settings.noise
-        if noise is None:
-            return False
-        self.device.download(self.film.arrays)
-        errors = tile_errors(self.film)
-        self._estimate = float(errors.max()), needed_samples(self.film, errors, noise, limit)
-        return raise_goals(self.film, errors, noise, limit)
-
-    @property
-    def _seconds_left(self) -> float:
-        return math.inf if self.settings.time is None else self.settings.time - self.render_seconds
-
-    @contextmanager
-    def _stopped_in_time(self) -> Iterator[None]:
-        """End the pass of the block when the time is up, unless some pixels have no sample before it."""
-        if math.isinf(self._seconds_left) or not self.film.counts.min():
-            yield
-            return
-        timer = threading.Timer(self._seconds_left, self.device.cancel)
-        timer.daemon = True
-        timer.start()
-        try:
-            yield
-        finally:
-            timer.cancel()
+        return self._rules.next_stop(self.render_seconds, self.device)
 
     def _render_pass(self, last: int) -> Iterator[Progress]:
         """Bring every pixel up to `last` samples, or end when the time is up."""
-        with self._stopped_in_time():
+        with self._rules.in_time(self.render_seconds, self.device):
             yield from self._render_to(last)
 
     def _render_to(self, last: int) -> Iterator[Progress]:
@@ -347,12 +313,8 @@ class Session:
         if self.device.even_counts:
             level(found.film, self._render_apart)
         self.device.clear()
-        for array, kept in zip(self.film.arrays, found.film.arrays):
-            # Squares that nobody will go on with are left out.
-            if array.size:
-                array[...] = kept
-        self.film.rejected = found.film.rejected
-        self._estimate = None
+        self.film.take(found.film)
+        self._rules.estimate = None
         self.render_seconds = found.seconds
         self.resumed = self.film.samples
 
@@ -374,7 +336,7 @@ class Session:
         self.film.clear()
         if self._layers is not None:
             self._layers.clear()
-        self._estimate = None
+        self._rules.estimate = None
         self.device.clear()
         self.render_seconds = 0.0
         self.resumed = 0.0
@@ -390,7 +352,7 @@ class Session:
         """How far the render is."""
         paths = int(self.film.counts.sum(dtype="int64"))
         total, time_limit = self.settings.total_samples, self.settings.time
-        noise, needed = self._estimate or (None, None)
+        noise, needed = self._rules.estimate or (None, None)
         return Progress(self.film.samples, total, self.render_seconds, paths, time_limit, noise, needed)
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Image:
@@ -403,10 +365,10 @@ class Session:
     def image(self) -> Image:
         """The image and the layers of the samples so far."""
         image = self.checkpoint().image()
-        if self._layers is None:
-            return image
-        metadata = image.metadata | self._layers.metadata(self.scene, self._material_names)
-        return Image(image.pixels, metadata, self._layers.layers(self.film.counts, self._packed, self.scene))
+        if self._layers is not None:
+            image.metadata |= self._layers.metadata(self.scene, self._material_names)
+            image.layers |= self._layers.layers(self.film.counts, self._packed, self.scene)
+        return image.select_layers(*layer_names(self.settings.aov, image.layers))
 
 
 def render(

@@ -14,26 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UsageError
+from ..formats.srgb import encode_srgb
 from ..settings import TONEMAPS
 
 Floats = NDArray[np.float32]
 
 # Every curve is flat there, and no intermediate square overflows float32 below it.
 _LIMIT = np.float32(1e15)
-
-
-def encode_srgb(linear: Floats) -> Floats:
-    """The piecewise sRGB curve of IEC 61966-2-1, for linear values in 0..1; any shape, float32."""
-    linear = np.asarray(linear, np.float32)
-    curve = np.float32(1.055) * linear ** np.float32(1 / 2.4) - np.float32(0.055)
-    return np.where(linear <= 0.0031308, np.float32(12.92) * linear, curve)
-
-
-def decode_srgb(encoded: Floats) -> Floats:
-    """The inverse of `encode_srgb`, for values in 0..1; any shape, float32."""
-    encoded = np.asarray(encoded, np.float32)
-    curve = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
-    return np.where(encoded <= 0.04045, encoded / np.float32(12.92), curve)
 
 
 def clamp(linear: Floats) -> Floats:

@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 
 from attrs import frozen
 
-from ..devices.cpu import usable_cores
+from ..lang.host import usable_cores
 from ..pack.scene import pack_scene
 from ..scenes import builtin, names
 from .session import Session

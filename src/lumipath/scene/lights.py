@@ -9,7 +9,7 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from .values import Floats, affine, colour, float_array
+from .values import Floats, affine, colour, float_array, group_name
 
 
 def unit_vector(value: Any, name: str) -> tuple[float, float, float]:
@@ -57,6 +57,7 @@ class PointLight:
         attenuation: a, b (1/m) and c (1/m^2), each 0 or more, not all 0.
         intensity: radiant intensity, W/sr, in place of colour and attenuation: the irradiance of a surface facing the
             light is intensity / d^2, however near.
+        group: name of the light group that it belongs to, for the layers of `light_groups`.
 
     Raises:
         SceneError: a value is out of range, or intensity is given together with colour or attenuation.
@@ -72,6 +73,7 @@ class PointLight:
     intensity: tuple[float, float, float] | None = field(
         default=None, converter=lambda v: None if v is None else colour(v, "point light: intensity")
     )
+    group: str = field(default="", converter=lambda v: group_name(v, "point light: group"))
 
     def __attrs_post_init__(self) -> None:
         if self.intensity is not None and (self.colour, self.attenuation) != _PLAIN:
@@ -95,6 +97,7 @@ class SpotLight:
         inner_angle: from the axis to where the intensity begins to fall, degrees, 0 to outer_angle; equal to
             outer_angle: a sharp edge.
         outer_angle: from the axis to the edge of the light, degrees, above 0 to 180.
+        group: as for `PointLight`.
 
     Raises:
         SceneError: a value is out of range.
@@ -111,6 +114,7 @@ class SpotLight:
     outer_angle: float = field(
         default=45.0, converter=lambda v: number(v, 0.01, 180, "spot light: outer_angle", "degrees")
     )
+    group: str = field(default="", converter=lambda v: group_name(v, "spot light: group"))
 
     def __attrs_post_init__(self) -> None:
         if self.inner_angle > self.outer_angle:
@@ -130,6 +134,7 @@ class DirectionalLight:
         angle: diameter of the light as seen from the scene, degrees, 0 to 180. 0 is parallel light with sharp shadows;
             above, it is a disc of uniform radiance, which is seen where nothing hides it. Earth's sun has 0.53. The
             irradiance is the same for each.
+        group: as for `PointLight`.
     """
 
     direction: tuple[float, float, float] = field(
@@ -139,6 +144,7 @@ class DirectionalLight:
         default=(1.0, 1.0, 1.0), converter=lambda v: colour(v, "directional light: colour")
     )
     angle: float = field(default=0.0, converter=lambda v: number(v, 0, 180, "directional light: angle", "degrees"))
+    group: str = field(default="", converter=lambda v: group_name(v, "directional light: group"))
 
 
 @frozen(eq=False, kw_only=True)
@@ -172,12 +178,14 @@ class Environment:
         rotation: 4 x 4 affine, environment to world, of which translation and scale have no effect; or one number,
             degrees about +y, counter-clockwise seen from above.
         name: for messages, usually the file.
+        group: as for `PointLight`.
     """
 
     image: Floats = field()
     scale: float = 1.0
     rotation: NDArray[np.float64] = field(factory=lambda: np.eye(4), converter=_rotation)
     name: str = ""
+    group: str = field(default="", converter=lambda v: group_name(v, "environment: group"))
 
     def __attrs_post_init__(self) -> None:
         image = float_array(self.image, (None, None, 3), f"environment {self.name or 'image'}")

@@ -1,45 +1,12 @@
-"""What surfaces are made of: textures, and the sum-of-lobes material."""
+"""What surfaces are made of: the sum-of-lobes material."""
 
 from __future__ import annotations
 
-import numpy as np
-from attrs import field, frozen
+from attrs import frozen
 
 from ..errors import SceneError
-from .values import Floats, colour, float_array
-
-WRAP_MODES = ("repeat", "clamp")
-
-
-@frozen(eq=False)
-class Texture:
-    """An image that is looked up by uv, bilinearly.
-
-    Args:
-        image: (height, width, 3) float32, linear, row 0 at the top, which is v = 1.
-        wrap: what lies outside 0..1: `repeat` or `clamp` to the edge.
-        name: for messages, usually the file.
-    """
-
-    image: Floats = field()
-    wrap: str = "repeat"
-    name: str = ""
-
-    def __attrs_post_init__(self) -> None:
-        image = float_array(self.image, (None, None, 3), f"texture {self.name or 'image'}")
-        if image.shape[0] == 0 or image.shape[1] == 0:
-            raise SceneError(f"texture {self.name or 'image'} has no pixels")
-        if (image < 0).any():
-            raise SceneError(f"texture {self.name or 'image'} has negative values; a texture must be 0 or more")
-        if self.wrap not in WRAP_MODES:
-            raise SceneError(f"texture wrap {self.wrap!r} is not one of {', '.join(WRAP_MODES)}")
-        object.__setattr__(self, "image", image)
-
-    def mean(self) -> tuple[float, float, float]:
-        """The mean colour, linear."""
-        r, g, b = self.image.mean(axis=(0, 1), dtype=np.float64)
-        return (float(r), float(g), float(b))
-
+from .textures import Texture
+from .values import colour, group_name
 
 Colour = tuple[float, float, float]
 
@@ -62,6 +29,7 @@ class Material:
         ambient: reflected fraction of ambient light; for Whitted ray tracing only.
         shininess: Phong exponent of a highlight of weight `specular`; for Whitted ray tracing only.
         name: for messages and look-ups.
+        group: name of the light group that the emission belongs to, for the layers of `light_groups`.
     """
 
     emission: Colour | Texture = (0.0, 0.0, 0.0)
@@ -73,6 +41,7 @@ class Material:
     ambient: Colour | Texture = (0.0, 0.0, 0.0)
     shininess: float = 0.0
     name: str = ""
+    group: str = ""
 
     def __attrs_post_init__(self) -> None:
         where = f"material {self.name!r}" if self.name else "material"
@@ -80,6 +49,7 @@ class Material:
             value = getattr(self, lobe)
             if value is not None and not isinstance(value, Texture):
                 object.__setattr__(self, lobe, colour(value, f"{where}: {lobe}"))
+        group_name(self.group, f"{where}: group")
         for number, low, high in (("index", 1e-3, 1e3), ("shininess", 0.0, 1e9)):
             value = getattr(self, number)
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
@@ -105,4 +75,4 @@ def is_positive(value: Colour | Texture | None) -> bool:
     """Whether a lobe's colour is above 0 anywhere."""
     if value is None:
         return False
-    return bool(value.image.max() > 0) if isinstance(value, Texture) else max(value) > 0
+    return value.is_positive() if isinstance(value, Texture) else max(value) > 0

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from attrs import define, field
 
 from ..errors import SceneError
+from .bsdfs import AnyMaterial
 from .camera import Camera
+from .instances import Instance, materials_of
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight, SpotLight
 from .shapes import Cone, Mesh, Shape, Sphere
 from .sky import Sky
+
+DEFAULT_GROUP = "default"
+"""The group of lights that name none."""
 
 
 def _checked(items: Any, classes: tuple[type, ...], wanted: str) -> list[Any]:
@@ -22,7 +28,7 @@ def _checked(items: Any, classes: tuple[type, ...], wanted: str) -> list[Any]:
 
 
 def _shapes(value: Any) -> list[Any]:
-    return _checked(value, (Mesh, Sphere, Cone), "a Mesh, Box, Square, Sphere, Cone or Cylinder")
+    return _checked(value, (Mesh, Sphere, Cone, Instance), "a Mesh, Box, Square, Sphere, Cone, Cylinder or an Instance")
 
 
 def _lights(value: Any) -> list[Any]:
@@ -44,14 +50,14 @@ class Scene:
     """Everything that can be rendered.
 
     Args:
-        shapes: meshes, spheres, cones.
+        shapes: meshes, spheres, cones, and instances of them.
         lights: point, spot, directional and ambient lights; emissive shapes need not be listed.
         cameras: the first renders unless another is asked for; `Camera()` where the list is empty.
         environment: light from far away, an image or a sky, or None for black.
         name: for messages and output file names.
     """
 
-    shapes: list[Shape] = field(factory=list, converter=_shapes)
+    shapes: list[Shape | Instance] = field(factory=list, converter=_shapes)
     lights: list[Light] = field(factory=list, converter=_lights)
     cameras: list[Camera] = field(factory=list, converter=_cameras)
     environment: Environment | Sky | None = field(default=None, validator=_environment)
@@ -73,10 +79,34 @@ class Scene:
                 return camera
         raise SceneError(f"no camera {which!r} in {self.name}; there is {', '.join(names) or 'only the default one'}")
 
+    def parts(self) -> Iterator[Shape]:
+        """All meshes, spheres and cones; those of instances once for each instance."""
+        for shape in self.shapes:
+            yield from shape.parts if isinstance(shape, Instance) else (shape,)
+
+    def materials(self) -> list[AnyMaterial]:
+        """The materials of all shapes, as instances have them, each once; two with equal values are still two."""
+        return list({id(material): material for shape in self.shapes for material in materials_of(shape)}.values())
+
+    @property
+    def light_groups(self) -> tuple[str, ...]:
+        """Names of the groups of all lights: first `default`, for those without a group, then by the alphabet."""
+        groups = {getattr(light, "group", "") for light in self.lights}
+        groups |= {self.environment.group} if self.environment else set()
+        groups |= {material.group for material in self.materials() if material.is_emissive}
+        return (DEFAULT_GROUP, *sorted(groups - {"", DEFAULT_GROUP}))
+
     @property
     def triangle_count(self) -> int:
-        """Number of triangles in all meshes."""
-        return sum(len(shape.faces) for shape in self.shapes if isinstance(shape, Mesh))
+        """Number of triangles in all meshes; those of instances count once for each instance."""
+        return sum(len(part.faces) for part in self.parts() if isinstance(part, Mesh))
+
+    @property
+    def stored_triangle_count(self) -> int:
+        """Number of triangles in all meshes, each mesh counted once."""
+        return sum(
+            len(part.faces) for part in {id(part): part for part in self.parts()}.values() if isinstance(part, Mesh)
+        )
 
     @property
     def has_sun(self) -> bool:

@@ -9,6 +9,7 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from ..errors import SceneError
+from .bsdfs import AnyMaterial, checked_material
 from .material import Material
 from .values import Floats, Ints, affine, float_array, index_array
 
@@ -27,6 +28,8 @@ class Mesh:
         faces: (M, 3) int32 vertex indices, counter-clockwise seen from the front.
         normals: (N, 3) shading normals, normalised here, or None for flat faces.
         uvs: (N, 2) texture coordinates, or None.
+        colours: (N, 3) linear colours that the material's own colour is multiplied by, or (N, 4) with an alpha that its
+            opacity is multiplied by, each from 0 to 1; or None.
         material: of all faces, unless `vertex_materials` is given.
         vertex_materials: N materials, blended across each face by barycentric coordinates, or None.
         two_sided: whether faces are seen from behind; else from there they do not exist for any ray.
@@ -40,7 +43,8 @@ class Mesh:
     faces: Ints = field(converter=_given)
     normals: Floats | None = field(default=None, converter=_given)
     uvs: Floats | None = field(default=None, converter=_given)
-    material: Material = field(factory=Material)
+    colours: Floats | None = field(default=None, converter=_given)
+    material: AnyMaterial = field(factory=Material, converter=checked_material)
     vertex_materials: tuple[Material, ...] | None = None
     two_sided: bool = True
     name: str = ""
@@ -58,8 +62,21 @@ class Mesh:
             object.__setattr__(self, "normals", unit.astype(np.float32))
         if self.uvs is not None:
             object.__setattr__(self, "uvs", float_array(self.uvs, (count, 2), f"{where}: uvs", limit=1e6))
+        if self.colours is not None:
+            object.__setattr__(self, "colours", _vertex_colours(self.colours, count, f"{where}: colours"))
         if self.vertex_materials is not None and len(self.vertex_materials) != count:
             raise SceneError(f"{where}: {len(self.vertex_materials)} materials for {count} vertices; give one each")
+        if not all(isinstance(material, Material) for material in self.vertex_materials or ()):
+            raise SceneError(f"{where}: only materials of the class Material can be blended between vertices")
+
+
+def _vertex_colours(value: Any, count: int, name: str) -> Floats:
+    """(N, 3) or (N, 4) float32, each from 0 to 1."""
+    columns = 4 if np.ndim(value) == 2 and np.shape(value)[1] == 4 else 3
+    colours = float_array(value, (count, columns), name)
+    if (colours < 0).any() or (colours > 1).any():
+        raise SceneError(f"{name} must be from 0 to 1")
+    return colours
 
 
 def smooth_normals(vertices: Floats, faces: Ints) -> Floats:
@@ -87,7 +104,7 @@ class Sphere:
     """The sphere x^2 + y^2 + z^2 = 1 under an affine transform (object to world, 4 x 4), so also any ellipsoid."""
 
     transform: NDArray[np.float64] = field(factory=_identity, converter=_transform)
-    material: Material = field(factory=Material)
+    material: AnyMaterial = field(factory=Material, converter=checked_material)
     name: str = ""
 
 
@@ -107,7 +124,7 @@ class Cone:
     height: float = 1.0
     capped: bool = True
     transform: NDArray[np.float64] = field(factory=_identity, converter=_transform)
-    material: Material = field(factory=Material)
+    material: AnyMaterial = field(factory=Material, converter=checked_material)
     name: str = ""
 
     def __attrs_post_init__(self) -> None:
@@ -122,7 +139,7 @@ class Cone:
 
 
 def Cylinder(  # noqa: N802 - a shape like the others, though a special case of Cone
-    *, transform: Any = None, material: Material | None = None, capped: bool = True, name: str = ""
+    *, transform: Any = None, material: AnyMaterial | None = None, capped: bool = True, name: str = ""
 ) -> Cone:
     """The cylinder of radius 1 about z, from z = 0 to 1, under an affine transform."""
     return Cone(
@@ -152,7 +169,7 @@ def transform_mesh(vertices: Any, faces: Any, transform: Any, normals: Any = Non
     return moved, np.ascontiguousarray(faces), normals
 
 
-def Box(*, transform: Any = None, material: Material | None = None, name: str = "") -> Mesh:  # noqa: N802
+def Box(*, transform: Any = None, material: AnyMaterial | None = None, name: str = "") -> Mesh:  # noqa: N802
     """The box from -0.5 to 0.5 on each axis under an affine transform, as 12 triangles; uv spans each side."""
     corners = _BOX_CORNERS[np.array(_BOX_SIDES).reshape(-1)]
     faces = [(4 * side, 4 * side + a, 4 * side + a + 1) for side in range(6) for a in (1, 2)]
@@ -162,7 +179,7 @@ def Box(*, transform: Any = None, material: Material | None = None, name: str = 
     )
 
 
-def Square(*, transform: Any = None, material: Material | None = None, name: str = "") -> Mesh:  # noqa: N802
+def Square(*, transform: Any = None, material: AnyMaterial | None = None, name: str = "") -> Mesh:  # noqa: N802
     """The square from -0.5 to 0.5 in x and y, facing +z, under an affine transform; seen from both sides."""
     corners = np.array([(-0.5, -0.5, 0.0), (0.5, -0.5, 0.0), (0.5, 0.5, 0.0), (-0.5, 0.5, 0.0)])
     vertices, indices, _ = transform_mesh(

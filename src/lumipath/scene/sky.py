@@ -8,7 +8,7 @@ import numpy as np
 from attrs import field, frozen
 
 from .lights import number, unit_vector
-from .values import colour
+from .values import colour, group_name
 
 
 @frozen(eq=False, kw_only=True)
@@ -27,6 +27,7 @@ class Sky:
         sun: whether the sun itself is there, as a light of its own. Without it the sky is that of its elevation still.
         sun_angle: diameter of the sun, degrees, 0 to 20. A larger one makes softer shadows; its light stays the same.
         scale: factor on all of it.
+        group: name of the light group that sky and sun belong to, for the layers of `light_groups`.
 
     Raises:
         SceneError: a value is out of range.
@@ -41,6 +42,7 @@ class Sky:
     sun: bool = field(default=True, converter=bool)
     sun_angle: float = field(default=0.53, converter=lambda value: number(value, 0, 20, "sky: sun_angle", "degrees"))
     scale: float = field(default=1.0, converter=lambda value: number(value, 0, 1e12, "sky: scale"))
+    group: str = field(default="", converter=lambda value: group_name(value, "sky: group"))
 
     @classmethod
     def facing(cls, direction: Any, **options: Any) -> Sky:

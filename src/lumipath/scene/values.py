@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,17 @@ def colour(value: Any, name: str, high: float = 1e12) -> tuple[float, float, flo
     if (array < 0).any() or (array > high).any():
         raise SceneError(f"{name} is {tuple(array.tolist())}: each part must be from 0 to {high:g}")
     return (float(array[0]), float(array[1]), float(array[2]))
+
+
+def group_name(value: Any, name: str) -> str:
+    """The name of a light group: letters, digits, - and _; empty for none.
+
+    Raises:
+        SceneError: anything else.
+    """
+    if not isinstance(value, str) or not re.fullmatch("[A-Za-z0-9_-]*", value):
+        raise SceneError(f"{name} is {value!r}: it must be a name of letters, digits, - and _")
+    return value
 
 
 def affine(value: ArrayLike, name: str) -> NDArray[np.float64]:

@@ -34,9 +34,27 @@ _SCENES = {
     "bokeh": ("bokeh", "bokeh", "small lamps out of focus, through a lens of six blades"),
     "sundial": ("sundial", "sundial", "a sundial in the evening sun, under a computed sky"),
     "many-lamps": ("lanterns", "many_lamps", "a thousand lanterns of very different brightness around a lake"),
+    "forest": ("forest", "forest", "a thousand trees of 100,000 triangles each, of three kinds that are stored once"),
+    "glass-of-water": ("water", "glass_of_water", "water in a glass, which overlap and have priorities"),
+    "materials": ("studio", "materials", "the principled material: gold, plastic, lacquer, cloth, films and glass"),
     "bench-cornell": ("bench", "bench_cornell", "benchmark: a Cornell box of 36 triangles"),
     "bench-blob100k": ("bench", "bench_blob100k", "benchmark: a bumpy sphere in a box, 99,236 triangles"),
     "bench-blob1m": ("bench", "bench_blob1m", "benchmark: a bumpy sphere in a box, 998,012 triangles"),
+    "bench-materials-cornell": (
+        "bench_materials",
+        "bench_materials_cornell",
+        "benchmark: bench-cornell of all materials",
+    ),
+    "bench-materials-blob100k": (
+        "bench_materials",
+        "bench_materials_blob100k",
+        "benchmark: bench-blob100k of all materials",
+    ),
+    "bench-materials-blob1m": (
+        "bench_materials",
+        "bench_materials_blob1m",
+        "benchmark: bench-blob1m of all materials",
+    ),
 }
 
 DEFAULT = "cornell-box"

@@ -36,7 +36,7 @@ VIEW_TYPE = types.NamedTuple(
         *([types.int32] * 6),
         *([types.uint32] * 2),
         *([types.int32] * 2),
-        types.float32,
+        *([types.float32] * 2),
     ),
     View,
 )
@@ -44,6 +44,7 @@ FILM_TYPE = types.NamedTuple(
     (
         *([types.Array(types.float32, 3, "C")] * 2),
         *(types.Array(kind, 2, "C") for kind in (types.uint32, types.float32, types.int32)),
+        *([types.Array(types.float32, 3, "C")] * 2),
     ),
     FilmArrays,
 )
@@ -51,7 +52,7 @@ LAYERS_TYPE = types.NamedTuple(
     (
         types.Array(types.float32, 3, "C"),
         *([types.Array(types.uint32, 2, "C")] * 2),
-        types.Array(types.int32, 2, "C"),
+        *([types.Array(types.int32, 2, "C")] * 2),
         types.NamedTuple([types.int32] * len(LayerColumns._fields), LayerColumns),
         types.int32,
     ),

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...accel.build import build_tree
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
+from ...accel.two_level import build_trees
 from ...errors import DeviceError
 from ...lang import Features
 from ...pack.layout import PIXEL_INTEGRATORS, TILE, WIDE_TREE, FilmArrays, LayerArrays, PackedScene, View
@@ -33,7 +33,9 @@ _WORKERS_PER_GPU = 2
 _TELL_SECONDS = 0.1
 # Of a slice: the turns of a tile's lanes are numbered by 32 bits.
 _MOST_SAMPLES = 1 << 26
-_DOWNLOAD_PIXELS = 1 << 20
+# The sums that a worker keeps, each with the one that it belongs to.
+_SUMS = {"total": "total", "lost": "total", "squares": "squares", "parts": "parts", "parts_lost": "parts"}
+_DOWNLOAD_NUMBERS = 3 << 20
 _STACK, _DEEP_STACK = 64, 256
 
 
@@ -69,14 +71,13 @@ class Worker:
         self._view = to_device(view)
         if self._film is None:
             planes = self._scheduler.planes(view)
-            total, lost = planes_of(film.total, planes), planes_of(film.lost, planes)
-            squares = planes_of(film.squares, planes)
+            sums = {name: planes_of(getattr(film, name), planes) for name in _SUMS}
             if not empty:
-                for sums, array in ((total, film.total), (lost, film.lost), (squares, film.squares)):
-                    sums.upload(array)
+                for name, array in sums.items():
+                    array.upload(getattr(film, name))
             # Counts are kept by the host.
             counts = DeviceArray((1, 1), film.counts.dtype)
-            self._film = FilmArrays(total, lost, counts, squares, DeviceArray.of(film.goals))
+            self._film = FilmArrays(**sums, counts=counts, goals=DeviceArray.of(film.goals))
         self._film.goals.upload(film.goals)
         self.gpu.synchronize()
 
@@ -94,11 +95,12 @@ class Worker:
         """Whether there is anything to add to the sums of others."""
         return self._film is not None
 
-    def add_to(self, sums: NDArray[np.float64], squares: NDArray[np.float64], top: int, height: int) -> None:
+    def add_to(self, sums: dict[str, NDArray[np.float64]], top: int, height: int) -> None:
         """Add sums of this worker to those of others: the rows from `top` on, of a film of `height` rows."""
         if self._film is not None:
             self.gpu.open()
-            for array, added in ((self._film.total, sums), (self._film.lost, sums), (self._film.squares, squares)):
+            for name, total in _SUMS.items():
+                array, added = getattr(self._film, name), sums[total]
                 host = np.empty(added.shape, np.float32)
                 for plane in range(array.shape[0] // height):
                     array.download(host, plane * height + top)
@@ -152,12 +154,12 @@ class CudaDevice:
         geometry = packed.geometry
         lower, upper = geometry.bounds()
         wide = len(lower) > SMALL_SCENE
-        tree = build_tree(lower, upper, max_leaf=MAX_LEAF, block=1)
+        trees = build_trees(lower, upper, geometry.instancing, max_leaf=MAX_LEAF, block=1)
         sides, solid = geometry.two_sided, geometry.solid()
-        accel, depth = gpu_tree(tree, geometry.vertices, geometry.faces, sides, solid, wide=wide)
+        accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
         self._stack = _STACK if depth <= _STACK else _DEEP_STACK
         features = packed.scene.features.mask | (WIDE_TREE if wide else 0)
-        scene = packed.scene._replace(accel=accel, features=Features(features))
+        scene = packed.with_tree(accel, roots)._replace(features=Features(features))
         for gpu in self._gpus:
             gpu.open()
             self._scenes[gpu.index] = to_device(scene)
@@ -302,15 +304,17 @@ class CudaDevice:
             return
         height, width, _ = film.total.shape
         # Some rows at a time: float64 copies of everything would take more memory than the film.
-        step = max(1, _DOWNLOAD_PIXELS // width)
+        step = max(1, _DOWNLOAD_NUMBERS // (width * (3 + film.parts.shape[2])))
         for top in range(0, height, step):
             rows = slice(top, min(top + step, height))
-            sums, squares = np.zeros(film.total[rows].shape, np.float64), np.zeros(film.squares[rows].shape, np.float64)
+            sums = {name: np.zeros(getattr(film, name)[rows].shape, np.float64) for name in _SUMS.values()}
             for worker in self._workers:
-                worker.add_to(sums, squares, top, height)
-            film.total[rows] = sums
-            film.lost[rows] = sums - film.total[rows]
-            film.squares[rows] = squares
+                worker.add_to(sums, top, height)
+            for name, lost in (("total", film.lost), ("parts", film.parts_lost)):
+                total = getattr(film, name)
+                total[rows] = sums[name]
+                lost[rows] = sums[name] - total[rows]
+            film.squares[rows] = sums["squares"]
 
     def clear(self) -> None:
         """Forget the sums on the GPUs."""

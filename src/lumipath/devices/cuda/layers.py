@@ -82,7 +82,7 @@ class LayerPass:
             with deferred_interrupts():
                 self._gpu.open()
                 self._stream.wait()
-                for mine, theirs in zip(layers[:4], made[:4], strict=True):
+                for mine, theirs in zip(layers[:5], made[:5], strict=True):
                     theirs.download(mine)
 
     def _run(self, view: View, layers: LayerArrays, first: int, last: int) -> None:

@@ -116,7 +116,8 @@ def shade_lane(scene, view, work, tile, sums, turn, walk, path, lane):
             return walk, path, lane, False, black()
         path = camera_path(scene, view, tile, lane, numbers)
         return start_walk(path.ray), path, lane, False, black()
-    step = shade(scene, view, path, Hit(walk.ray.tmax, walk.primitive), numbers, lane.pixel, lane.sample)
+    hit = Hit(walk.ray.tmax, walk.primitive, walk.instance)
+    step = shade(scene, view, path, hit, numbers, lane.pixel, lane.sample)
     shadow = step.shadow.tmax > 0.0
     walk = start_walk(step.shadow if shadow else step.path.ray)
     walk = walk if shadow | step.path.alive else halt(walk)

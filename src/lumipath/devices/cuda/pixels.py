@@ -9,10 +9,11 @@ from numba import cuda
 from ...accel.walk import walk_to_end
 from ...kernels.adaptive import add_square, square_of, takes
 from ...kernels.integrators import estimate
+from ...kernels.light_layers import squares_to_layer
 from ...kernels.vectors import black
 from ...lang import f32, i32, kernel, stack_ints, u32
 from ...lang.cuda import cuda_entry
-from .film import add_samples
+from .film import add_samples, put_in_film
 from .work import finite_or_counted, is_on_film, place_in_tile, tile_of
 
 
@@ -39,6 +40,7 @@ def make_pixels(stack_size: int) -> Any:
                 seen = finite_or_counted(work.counters, seen)
                 light = light + seen
                 squares = f32(squares + square_of(scene, seen))
+                squares_to_layer(scene, put_in_film, film, place_in_tile(view, tile, which), seen)
             add_samples(film, place_in_tile(view, tile, which), light)
             add_square(scene, film, place_in_tile(view, tile, which), squares)
 

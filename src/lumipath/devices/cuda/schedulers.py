@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,15 +10,26 @@ from numpy.typing import NDArray
 
 from ...lang import i32, u32
 from ...lang.cuda import Compiled, compile_cubin
-from ...pack.layout import ADAPTIVE, DIELECTRICS, MIRRORS, PIXEL_INTEGRATORS, QUADRICS, VERTEX_DATA, WIDE_TREE
+from ...pack.layout import (
+    ADAPTIVE,
+    DIELECTRICS,
+    FILM_LAYERS,
+    INSTANCES,
+    MIRRORS,
+    PIXEL_INTEGRATORS,
+    QUADRICS,
+    VERTEX_DATA,
+    WIDE_TREE,
+)
 from .arguments import FILM_TYPE, VIEW_TYPE, type_of
 from .driver import DeviceArray, Gpu, Kernel, Stream, flatten_arguments, pointers_to
 from .megakernel import BLOCK, make_refill, make_vote
+from .paths import make_paths
 from .pixels import make_pixels
 from .wavefront import BLOCKS_PER_MULTIPROCESSOR, ROWS, TRACING, WAVE_TYPE, Wave, make_wavefront
 from .work import COUNTERS, PATHS, REJECTED, WARP, WORK_TYPE, Work, item_count
 
-_RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS
+_RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS | INSTANCES
 # Paths in flight in the wavefront: enough to fill any GPU, and 128 bytes each.
 _SLOTS = 1 << 22
 # Lanes that a multiprocessor holds, and the most planes of sums that a small film gets to have as many.
@@ -40,11 +52,10 @@ class Scheduler(Protocol):
 
 
 class Megakernel:
-    """Whole paths, or whole samples of an integrator that has no paths, in one kernel."""
+    """Whole paths, with or without layers, or whole samples of an integrator that has no paths, in one kernel."""
 
     def __init__(self, gpu: Gpu, scene: Any, stack: int) -> None:
-        compile_it = compile_pixels if scene.features.mask & PIXEL_INTEGRATORS else compile_megakernel
-        made = compile_it(scene_arguments(scene), gpu.capability, stack)
+        made = compiler_of(scene.features.mask)(scene_arguments(scene), gpu.capability, stack)
         self.kernel = Kernel(made.cubin, made.name)
         self._multiprocessors = gpu.multiprocessors
         self._stream = Stream()
@@ -148,6 +159,13 @@ class Counters:
         return host
 
 
+def compiler_of(mask: int) -> Callable[[tuple[Any, ...], tuple[int, int], int], Compiled]:
+    """What compiles the kernel for a scene with these features."""
+    if mask & PIXEL_INTEGRATORS:
+        return compile_pixels
+    return compile_paths if mask & FILM_LAYERS else compile_megakernel
+
+
 def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> Compiled:
     """The megakernel for argument types: which one, and with how many registers, was measured."""
     mask = scene[0].types[0].mask
@@ -162,6 +180,11 @@ def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stac
 def compile_pixels(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> Compiled:
     """The kernel of one thread a pixel for argument types."""
     return compile_cubin(make_pixels(stack), (*scene, WORK_TYPE), capability)
+
+
+def compile_paths(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> Compiled:
+    """The kernel of one thread a pixel that renders paths with layers, for argument types."""
+    return compile_cubin(make_paths(stack), (*scene, WORK_TYPE), capability)
 
 
 def compile_wavefront(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> dict[str, Compiled]:

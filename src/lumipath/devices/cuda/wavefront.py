@@ -21,13 +21,14 @@ from ...kernels.sampler import camera_numbers, direction_numbers
 from ...kernels.vectors import black, xyz
 from ...lang import INF, as_float, as_int, i32, kernel, load, read4, stack_ints, store, u32, write4
 from ...lang.cuda import cuda_entry
+from ...pack.layout import INSTANCES
 from .film import add_samples
 from .work import FETCHED_PATHS, FETCHED_SHADOWS, PATHS, SHADOWS, finite_or_counted, lanes_before, place_of
 
 _ALL = 0xFFFFFFFF
 
 # Rows of four floats of a slot: 0 origin, density; 1 direction, depth; 2 throughput, sample; 3 light, medium;
-# 4 distance, primitive. Rows of a shadow ray: 5 origin, end; 6 direction, slot; 7 light.
+# 4 distance, primitive, instance where there are any. Rows of a shadow ray: 5 origin, end; 6 direction, slot; 7 light.
 ROWS = 8
 _HIT, _SHADOW = i32(4), i32(5)
 
@@ -143,10 +144,17 @@ def path_ray(wave, item):
 
 
 @kernel
-def store_hit(wave, item, walk):
-    """What the ray of a path in the queue has hit."""
+def store_hit_in_world(scene, wave, item, walk):
+    """What the ray of a path in the queue has hit, in a scene without instances."""
     slot = load(wave.queue, wave.parity * wave.slots + item)
     write4(wave.state, at(wave, _HIT, slot), walk.ray.tmax, as_float(walk.primitive), 0.0, 0.0)
+
+
+@kernel(needs=INSTANCES, otherwise=store_hit_in_world)
+def store_hit(scene, wave, item, walk):
+    """What the ray of a path in the queue has hit."""
+    slot = load(wave.queue, wave.parity * wave.slots + item)
+    write4(wave.state, at(wave, _HIT, slot), walk.ray.tmax, as_float(walk.primitive), as_float(walk.instance), 0.0)
 
 
 @kernel
@@ -157,7 +165,7 @@ def shadow_ray(wave, item):
 
 
 @kernel
-def gather_light(wave, item, walk):
+def gather_light(scene, wave, item, walk):
     """Give the light of a shadow ray to its path, if the ray has hit nothing."""
     if walk.primitive < 0:
         slot = as_int(read4(wave.state, at(wave, i32(_SHADOW + 1), item))[3])
@@ -198,7 +206,7 @@ def _make_trace(
                 following = reserve(at_end, wave.counters, fetched)
                 if at_end:
                     if item >= 0:
-                        hand_in(wave, item, walk)
+                        hand_in(scene, wave, item, walk)
                     item = following
                     walk = start_walk(ray_of(wave, item)) if item < count else idle(walk)
             elif leaves >= _LEAF_AT or nodes < leaves:
@@ -234,7 +242,8 @@ def wf_shade(scene, view, film, wave):
         pixel = u32((view.top + row) * view.width + view.left + column)
         path = Path(Ray(xyz(o), xyz(d), INF), xyz(t), o[3], depth, as_int(light[3]), True)
         numbers = direction_numbers(scene, pixel, sample, view.seed, depth)
-        step = shade(scene, view, path, Hit(found[0], as_int(found[1])), numbers, pixel, sample)
+        hit = Hit(found[0], as_int(found[1]), as_int(found[2]))
+        step = shade(scene, view, path, hit, numbers, pixel, sample)
         shadow = step.shadow
         direct = step.direct
         shadowed = shadow.tmax > 0.0

@@ -63,6 +63,7 @@ class Materials:
             "shininess": self._number,
             "index": self._number,
             "name": read_text,
+            "group": read_text,
         }
         fields = read_fields(source, block, readers, "a material")
         fields["emission"] = fields.pop("emissive", (0.0, 0.0, 0.0))

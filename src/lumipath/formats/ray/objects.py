@@ -77,7 +77,8 @@ _ATTENUATION = ("constant_attenuation_coeff", "linear_attenuation_coeff", "quadr
 
 
 def _point_light(source: Source, block: Block) -> PointLight:
-    readers = {"position": read_point, "colour": read_colour, **dict.fromkeys(_ATTENUATION, read_number)}
+    readers = {"position": read_point, "colour": read_colour, "group": read_text}
+    readers |= dict.fromkeys(_ATTENUATION, read_number)
     fields = read_fields(source, block, readers, "point_light")
     required(source, fields, "position", block, "point_light")
     coefficients = [fields.pop(name, default) for name, default in zip(_ATTENUATION, (0.0, 0.0, 1.0), strict=True)]
@@ -85,7 +86,7 @@ def _point_light(source: Source, block: Block) -> PointLight:
 
 
 def _directional_light(source: Source, block: Block) -> DirectionalLight:
-    readers = {"direction": read_point, "colour": read_colour}
+    readers = {"direction": read_point, "colour": read_colour, "group": read_text}
     return DirectionalLight(**read_fields(source, block, readers, "directional_light"))
 
 

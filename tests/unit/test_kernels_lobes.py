@@ -1,4 +1,4 @@
-"""The path's step: lobes are chosen so that no lobe is drawn that a surface does not have."""
+"""Sums of lobes: lobes are chosen so that no lobe is drawn that a surface does not have."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from kernel_calls import looped
 
+from lumipath.kernels.lobes import bounce, lobe_probabilities
 from lumipath.kernels.materials import Lobes
-from lumipath.kernels.path import bounce, lobe_probabilities
 from lumipath.kernels.sampler import choice_numbers
 from lumipath.kernels.surface import Surface
+from lumipath.kernels.tangents import no_tangents
 from lumipath.kernels.vectors import frame_around
 from lumipath.lang import Features, Vec3, i32
 from lumipath.pack.layout import DIELECTRICS, MIRRORS
@@ -26,7 +27,7 @@ def _bounce(pair, pixel, sample, diffuse, mirror, transmission):
     scene, view = pair
     up, white = Vec3(0, 0, 1), Vec3(1, 1, 1)
     lobes = Lobes(Vec3(diffuse, diffuse, diffuse), Vec3(mirror, mirror, mirror), transmission, 1.5, white, white)
-    surface = Surface(Vec3(0, 0, 0), up, up, True, i32(0), i32(-1), 0.0, 0.0, 0.0, 0.0, 1.0)
+    surface = Surface(Vec3(0, 0, 0), up, up, True, i32(0), i32(-1), 0.0, 0.0, 0.0, 0.0, 1.0, no_tangents(), 0.0)
     choice = lobe_probabilities(scene, lobes)
     wo = Vec3(0.6, 0.0, 0.8)
     drawn = bounce(scene, view, surface, lobes, choice, frame_around(up), wo, 1.0, pixel, sample, i32(0), 0.3, 0.7)
