@@ -7,6 +7,7 @@ import fake_session
 import pytest
 
 import lumipath as package
+import lumipath.lang  # Numba takes seconds to load on a busy machine, which the command line would tell.
 from lumipath.cli import main
 
 FAKE = Path(__file__).with_name("fake_session.py")

@@ -11,6 +11,7 @@ import attrs
 import numpy as np
 
 from lumipath.errors import DeviceError, LumipathWarning
+from lumipath.lang.cache import announce_compiling
 from lumipath.rendering.image import Image
 from lumipath.rendering.layers import REGISTRY
 from lumipath.settings import RenderSettings
@@ -48,6 +49,8 @@ class Session:
         self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
         self.scene = scene
         self.device = SimpleNamespace(kind="cpu", name="Fake, 1 thread")
+        if "FAKE_COMPILE" in os.environ:
+            announce_compiling()
         self.build_seconds, self.compile_seconds = 0.1, float(os.environ.get("FAKE_COMPILE", 0.2))
         self.width, self.height = self.settings.size(scene.camera(self.settings.camera).aspect)
         self.focus = 4.5 if self.settings.focus_on else 1.0

@@ -285,9 +285,9 @@ class TestProgress:
         monkeypatch.setenv("FAKE_COMPILE", "3")
         _, out, err = lumipath("render", "-s", 2, "-w", 4, "--progress", "json")
         events = [json.loads(line) for line in err.splitlines()]
-        assert [event["event"] for event in events] == ["message", "progress", "progress", "done"]
+        assert [event["event"] for event in events] == ["message", "message", "progress", "progress", "done"]
         assert out == ""
-        assert events[1]["fraction"] == 0.5
+        assert events[2]["fraction"] == 0.5
         assert events[-1]["output"] == "cornell-box.png"
 
     def test_none_says_only_the_end(self, lumipath, fake):
@@ -307,6 +307,15 @@ class TestProgress:
     def test_long_compilation_is_mentioned(self, lumipath, fake, monkeypatch):
         monkeypatch.setenv("FAKE_COMPILE", "3")
         assert "lumipath: compiling took 3.0 s\n" in lumipath("render", "-w", 4)[2]
+
+    @pytest.mark.parametrize("mode", ["bar", "json", "none"])
+    def test_compilation_is_announced_when_it_begins(self, lumipath, fake, monkeypatch, mode):
+        monkeypatch.setenv("FAKE_COMPILE", "0.1")
+        first = lumipath("render", "-w", 4, "--progress", mode)[2].splitlines()[0]
+        assert "compiling kernels for what this scene uses" in first
+
+    def test_kernels_from_the_disk_are_not_worth_a_word(self, lumipath, fake):
+        assert "compiling" not in lumipath("render", "-w", 4)[2]
 
     def test_no_colours_without_a_terminal(self, lumipath, fake):
         assert "\x1b" not in lumipath("render", "-w", 4, "--progress", "bar")[2]

@@ -16,10 +16,11 @@ import pytest
 from kernel_calls import looped
 
 import lumipath
+from lumipath.accel import packets, trace8
 from lumipath.devices import cpu_batch
 from lumipath.lang import Features, f32, features_of, kernel
 from lumipath.lang.cache import source_hash
-from lumipath.lang.kernel import _FASTMATH, _KERNEL_OPTIONS
+from lumipath.lang.kernel import _FASTMATH, _KERNEL_OPTIONS, _OUTER
 from lumipath.pack.scene import pack_scene
 from lumipath.rendering.session import Session
 from lumipath.scene import Scene, Sphere
@@ -111,18 +112,39 @@ def test_plain_python_renders_what_compiled_code_renders(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def program():
-    """LLVM code of the renderer for the diffuse benchmark, freshly compiled."""
+def renderer():
+    """The renderer for the diffuse benchmark, freshly compiled, and the type of its scene."""
     session = Session(builtin("bench-cornell"), device="cpu", width=16, rr_depth=None)
-    dispatcher = numba.njit(**_KERNEL_OPTIONS, fastmath=set(_FASTMATH), no_cfunc_wrapper=True)(
-        cpu_batch.render_tiles.py_func
-    )
+    dispatcher = numba.njit(**_KERNEL_OPTIONS, **_OUTER, fastmath=set(_FASTMATH))(cpu_batch.render_tiles.py_func)
     device = session.device
     arguments = session._packed, session._view, session.film.arrays, device._batches[0], np.zeros(4, np.int64), 0
     dispatcher.compile(tuple(numba.typeof(argument) for argument in arguments))
-    (code,) = dispatcher.inspect_llvm().values()
+    return dispatcher, numba.typeof(session._packed)
+
+
+@pytest.fixture(scope="module")
+def program(renderer):
+    """LLVM code of the renderer."""
+    (code,) = renderer[0].inspect_llvm().values()
     # Everything is inlined into one function; the others unpack arguments for Python.
     return max(re.findall(r"^define .*?^}", code, re.M | re.S), key=len)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        cpu_batch.render_tile,
+        cpu_batch.generate,
+        cpu_batch.shade_batch,
+        packets.trace_packet,
+        trace8.walk8,
+    ],
+    ids=lambda function: function.py_func.__name__,
+)
+def test_no_large_kernel_is_compiled_for_types_that_it_is_not_called_with_in_the_end(renderer, function):
+    # Where a caller's variable begins as int32, say, and becomes int64 in a loop, both are compiled.
+    kinds = [signature for signature in function.overloads if signature[0] == renderer[1]]
+    assert len(kinds) == 1
 
 
 def test_the_renderer_computes_nothing_in_double_precision(program):
@@ -156,11 +178,13 @@ def test_the_renderer_has_vectors_of_eight_floats_at_least(program):
 SMALL = """
 import numpy as np
 from lumipath.pack.alias import alias_table, _fill
-alias_table(np.ones(4))
-from lumipath.lang.cache import cache_folder
+from lumipath.lang.cache import cache_folder, when_compiling
+told = []
+with when_compiling(lambda: told.append("compiling")):
+    alias_table(np.ones(4))
 import json
-print(json.dumps({"folder": str(cache_folder()), "hits": sum(_fill.stats.cache_hits.values()),
-                  "misses": sum(_fill.stats.cache_misses.values())}))
+print(json.dumps({"folder": str(cache_folder()), "told": told, "hits": sum(_fill.dispatcher.stats.cache_hits.values()),
+                  "misses": sum(_fill.dispatcher.stats.cache_misses.values())}))
 """
 
 
@@ -168,9 +192,10 @@ def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     first = json.loads(python(SMALL, tmp_path))
     files = {path: path.stat().st_mtime_ns for path in Path(first["folder"]).iterdir()}
     assert first["misses"] == 1
+    assert first["told"] == ["compiling"]
     assert any(path.suffix == ".nbc" for path in files)
     again = json.loads(python(SMALL, tmp_path))
-    assert again == first | {"hits": 1, "misses": 0}
+    assert again == first | {"hits": 1, "misses": 0, "told": []}
     assert {path: path.stat().st_mtime_ns for path in Path(first["folder"]).iterdir()} == files
 
 

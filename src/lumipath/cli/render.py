@@ -136,13 +136,21 @@ def _with_environment(scene: Scene, cubemap: Path | None, environment: str | Non
 
 
 @contextmanager
-def _told_if_slow(reporter: Reporter, text: str) -> Iterator[None]:
-    """Say `text` if the block takes longer than two seconds."""
-    timer = threading.Timer(_SLOW, reporter.message, [text])
+def _told_what_takes_long(reporter: Reporter) -> Iterator[None]:
+    """Say at once that kernels have to be compiled in the block, or that it takes longer than two seconds."""
+    from ..lang import when_compiling
+
+    timer = threading.Timer(_SLOW, reporter.message, ["preparing the scene ..."])
     timer.daemon = True
+
+    def compiling() -> None:
+        timer.cancel()
+        reporter.message("compiling kernels for what this scene uses (once: they are kept on disk) ...")
+
     timer.start()
     try:
-        yield
+        with when_compiling(compiling):
+            yield
     finally:
         timer.cancel()
 
@@ -174,7 +182,7 @@ def _prepare(
     """Everything before the first sample, with a word about what took long."""
     from ..rendering.session import Session
 
-    with _told_if_slow(reporter, "preparing the scene and compiling kernels (first run only) ..."):
+    with _told_what_takes_long(reporter):
         session = Session(scene, settings, device=device, checkpoint=kept.path, resume=kept.resume)
     if kept.resume:
         found = f"going on from {kept.path} at {session.resumed:.4g} spp"

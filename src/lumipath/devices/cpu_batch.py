@@ -188,7 +188,7 @@ def generate(scene, view, batch, column, row, columns, rows, first, samples):
                 path = start_path(scene, view, i32(column + x), i32(row + y), numbers)
                 store_path(batch, n, path, n, pixel, sample)
                 store_vec3(batch.gathered.red, batch.gathered.green, batch.gathered.blue, n, Vec3(0, 0, 0))
-                n += i32(1)
+                n = i32(n + 1)
     return n
 
 
@@ -261,10 +261,10 @@ def shade_batch(scene, view, batch, n, depth):
         store_vec3(light.red, light.green, light.blue, shadows, step.direct)
         store(batch.shadow_owner, shadows, owner)
         store_group(scene, batch, shadows, step.light)
-        shadows += i32(1) if step.shadow.tmax > 0.0 else i32(0)
+        shadows = i32(shadows + (1 if step.shadow.tmax > 0.0 else 0))
         if step.path.alive:
             store_path(batch, going, step.path, owner, pixel, sample)
-            going += i32(1)
+            going = i32(going + 1)
     return going, shadows
 
 
@@ -311,7 +311,7 @@ def develop(scene, view, film, batch, column, row, columns, rows, samples):
                     squares_to_layer(scene, put_in_film, film, place, c)
                 else:
                     rejected += 1
-                owner += i32(1)
+                owner = i32(owner + 1)
             store(film.counts, place, u32(load(film.counts, place) + u32(samples)))
     return rejected
 
@@ -333,7 +333,8 @@ def render_tile(scene, view, film, batch, column, row, columns, rows, first, sam
     time = lap(batch.clock, 0, time)
     depth = i32(0)
     shadows = i32(0)
-    connecting = False
+    # Not a literal: `trace_rays` would be compiled for it, and once more for any bool.
+    connecting = shadows > 0
     while n + shadows > 0:
         # One call for rays of both kinds: traversal is most of the machine code, and is compiled once this way.
         rays = batch.shadows if connecting else batch.rays
@@ -346,7 +347,7 @@ def render_tile(scene, view, film, batch, column, row, columns, rows, first, sam
         else:
             n, shadows = shade_batch(scene, view, batch, n, depth)
             time = lap(batch.clock, 2, time)
-            depth += i32(1)
+            depth = i32(depth + 1)
         connecting = shadows > 0
     rejected = develop(scene, view, film, batch, column, row, columns, rows, samples)
     lap(batch.clock, 4, time)
@@ -393,5 +394,5 @@ def render_tiles(scene, view, film, batch, control, last):
                 samples,
             )
             fetch_add(control, REJECTED, rejected)
-            first += samples
+            first = i32(first + samples)
         fetch_add(control, FINISHED_TILES, 1)

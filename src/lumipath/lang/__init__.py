@@ -12,7 +12,7 @@ debugger.
 """
 
 from .bits import as_float, as_int, as_uint, count_bits, lowest_bit, reverse_bits
-from .cache import cache_folder
+from .cache import cache_folder, when_compiling
 from .features import Features, features_of
 from .kernel import KernelError, compiled, entry, kernel
 from .maths import approximate_reciprocal, inverse, sqrt
@@ -76,5 +76,6 @@ __all__ = [
     "store",
     "struct",
     "u32",
+    "when_compiling",
     "write4",
 ]

@@ -11,8 +11,11 @@ import os
 import platform
 import sys
 import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import llvmlite
 import numba
@@ -50,6 +53,26 @@ def cache_folder() -> Path:
         folder = Path(tempfile.gettempdir()) / f"lumipath-{os.getuid() if hasattr(os, 'getuid') else 0}" / source_hash()
         folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+_listeners: list[Callable[[], None]] = []
+
+
+@contextmanager
+def when_compiling(tell: Callable[[], None]) -> Iterator[None]:
+    """Call `tell`, once, as soon as the block needs machine code that is not on disk and takes seconds to compile."""
+    _listeners.append(tell)
+    try:
+        yield
+    finally:
+        if tell in _listeners:
+            _listeners.remove(tell)
+
+
+def announce_compiling() -> None:
+    """Tell whoever waits for it that something is going to be compiled."""
+    while _listeners:
+        _listeners.pop()()
 
 
 class _Locator(caching._CacheLocator):
@@ -98,6 +121,13 @@ class KernelCache(caching.FunctionCache):
     def __init__(self, py_func: object) -> None:
         super().__init__(py_func)
         self._cache_file = _CacheFile(self._cache_path, self._impl.filename_base, source_hash())
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What was compiled for a signature; None, and a word to who waits for it, where there is nothing."""
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            announce_compiling()
+        return found
 
 
 def enable_cache(dispatcher: Dispatcher) -> None:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numba
 
-from .cache import cache_folder
+from .cache import announce_compiling, cache_folder
 from .kernel import KernelError, explain, single_precision
 from .targets import enable_cuda
 
@@ -139,6 +139,7 @@ def compile_cubin(
         return Compiled(*pickle.loads(path.read_bytes()))
     except (OSError, pickle.UnpicklingError, EOFError, TypeError):
         pass
+    announce_compiling()
     ptx = compile_ptx(function, signature, capability)
     found = re.search(r"\.entry\s+([\w$]+)", ptx)
     assert found, "PTX without an entry"

@@ -69,8 +69,13 @@ def features_of(kind: Any) -> int:
     return kind.features.mask
 
 
-def select_by_features(function: FunctionType, needs: int, otherwise: Any, options: dict[str, Any]) -> Any:
-    """A function that is `function` for scenes with a bit of `needs`, else `otherwise`; see `kernel`."""
+def select_by_features(
+    function: FunctionType, needs: int, otherwise: Any, options: dict[str, Any], cpu_options: dict[str, Any]
+) -> Any:
+    """A function that is `function` for scenes with a bit of `needs`, else `otherwise`; see `kernel`.
+
+    Numba compiles it with `options`, for the CPU with `cpu_options` as well.
+    """
     parameters = list(inspect.signature(function).parameters)
 
     def resolve(mask: int) -> FunctionType:
@@ -99,7 +104,8 @@ def select_by_features(function: FunctionType, needs: int, otherwise: Any, optio
     )
 
     def install(target: Target) -> None:
-        target.extending.overload(stub, jit_options=options, strict=False)(namespace["choose"])
+        chosen = options | cpu_options if target.name == "cpu" else options
+        target.extending.overload(stub, jit_options=chosen, strict=False)(namespace["choose"])
 
     if not DEBUG_PYTHON:
         on_each_target(install)

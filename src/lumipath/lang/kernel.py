@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable
 from types import CodeType, FunctionType
@@ -10,9 +11,11 @@ from typing import Any
 import numba
 import numpy as np
 from numba.core import errors as numba_errors
+from numba.extending import overload
 
 from ..errors import RenderError
 from .cache import enable_cache
+from .compiler import EntryCompiler, KernelCompiler
 from .features import select_by_features
 from .scalars import DEBUG_PYTHON
 
@@ -21,6 +24,9 @@ _FASTMATH = frozenset({"nsz", "arcp", "contract", "afn", "reassoc"})
 _OPTIONS = {"nogil": True, "error_model": "numpy", "boundscheck": False}
 # Reference counts on the arrays of a scene cost more than half of the speed, and kernels allocate nothing.
 _KERNEL_OPTIONS = _OPTIONS | {"_nrt": False}
+# What only Numba's CPU target knows: of functions that compiled code calls, and of those that Python calls.
+_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
+_OUTER = {"no_cfunc_wrapper": True, "pipeline_class": EntryCompiler}
 
 
 class KernelError(RenderError):
@@ -69,10 +75,10 @@ def kernel(function: Any = None, *, precise: bool = False, needs: int = 0, other
         return lambda given: kernel(given, precise=precise, needs=needs, otherwise=otherwise)
     single_precision(function)
     if needs:
-        return select_by_features(function, needs, otherwise, _overload_options(precise))
+        return select_by_features(function, needs, otherwise, _overload_options(precise), _INNER)
     if DEBUG_PYTHON:
         return function
-    return numba.njit(**_overload_options(precise), no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    return numba.njit(**_overload_options(precise), **_INNER)(function)
 
 
 def _overload_options(precise: bool) -> dict[str, Any]:
@@ -84,18 +90,30 @@ def entry(function: Any) -> Callable[..., Any]:
     single_precision(function)
     if DEBUG_PYTHON:
         return function
-    dispatcher = numba.njit(**_KERNEL_OPTIONS, fastmath=set(_FASTMATH), no_cfunc_wrapper=True)(function)
+    dispatcher = numba.njit(**_KERNEL_OPTIONS, **_OUTER, fastmath=set(_FASTMATH))(function)
     enable_cache(dispatcher)
     return dispatcher
 
 
 def compiled(function: Any) -> Callable[..., Any]:
-    """Host code that is worth compiling (tree building): exact arithmetic, arrays may be allocated, kept on disk."""
+    """Host code that is worth compiling (tree building): exact arithmetic, arrays may be allocated, kept on disk.
+
+    Python calls it, and so do other such functions, which take it in like a kernel. Its `dispatcher` is Numba's.
+    """
     if DEBUG_PYTHON:
         return function
-    dispatcher = numba.njit(**_OPTIONS)(function)
+    dispatcher = numba.njit(**_OPTIONS, **_OUTER)(function)
     enable_cache(dispatcher)
-    return dispatcher
+
+    @functools.wraps(function)
+    def call(*arguments: Any) -> Any:
+        return dispatcher(*arguments)
+
+    # Without this, Numba would look through to the function.
+    del call.__wrapped__  # type: ignore[attr-defined]
+    call.dispatcher = dispatcher  # type: ignore[attr-defined]
+    overload(call, jit_options=_OPTIONS | _INNER, strict=False)(lambda *arguments: function)
+    return call
 
 
 def compile_for(function: Callable[..., Any], *arguments: Any) -> None:

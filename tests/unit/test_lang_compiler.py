@@ -1,0 +1,95 @@
+"""How kernels, entries and host functions are compiled, and what may call what."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+from numba.core.caching import NullCache
+
+from lumipath.lang import DEBUG_PYTHON, compiled, entry, f32, kernel, load, store
+from lumipath.lang.compiler import EntryLibrary, KernelLibrary
+
+pytestmark = pytest.mark.skipif(DEBUG_PYTHON, reason="nothing is compiled")
+
+
+@kernel
+def doubled(x):
+    return x + x
+
+
+@kernel
+def folded(values, n):
+    total = f32(0.0)
+    for i in range(n):
+        total = doubled(total) + min(load(values, i), 100.0)
+    return total
+
+
+def folding(values, out):
+    store(out, 0, folded(values, len(values)))
+
+
+def result_of(function):
+    out = np.zeros(1, np.float32)
+    function(np.array([1, 2, 3, 200], np.float32), out)
+    return out[0]
+
+
+def test_a_kernel_is_llvm_code_only_and_its_entry_is_one_function_of_machine_code():
+    fold = entry(folding)
+    fold._cache = NullCache()
+    assert result_of(fold) == 122
+    for function in (doubled, folded):
+        for made in function.overloads.values():
+            assert isinstance(made.library, KernelLibrary)
+            assert made.library.get_pointer_to_function(made.fndesc.llvm_func_name) == 0
+    (made,) = fold.overloads.values()
+    assert isinstance(made.library, EntryLibrary)
+    # The function and its wrapper for Python: all kernels are inlined, and no copy of them is left.
+    defined = [function.name for function in made.library.get_defined_functions()]
+    assert len(defined) == 2
+    assert not any("doubled" in name or "folded" in name for name in defined)
+
+
+def test_a_function_of_numba_itself_may_call_kernels():
+    assert result_of(numba.njit(folding)) == 122
+
+
+@compiled
+def counted(values, limit):
+    many = 0
+    for i in range(len(values)):
+        many += values[i] < limit
+    return many
+
+
+@compiled
+def below_and_above(values, limit):
+    found = np.empty(2, np.int64)
+    found[0] = counted(values, limit)
+    found[1] = len(values) - found[0]
+    return found
+
+
+def test_host_functions_are_called_by_python_and_by_each_other():
+    values = np.arange(10.0)
+    assert counted(values, 3.0) == 3
+    np.testing.assert_array_equal(below_and_above(values, 4.0), [4, 6])
+    # What takes another in, has it inside: Python called that one once only.
+    assert len(counted.dispatcher.overloads) == 1
+    (made,) = below_and_above.dispatcher.overloads.values()
+    assert not any("counted" in part.name for part in made.library._linking_libraries)
+
+
+def test_an_error_in_a_host_function_that_another_calls_says_what_is_wrong():
+    @compiled
+    def broken(x):
+        return x.there_is_no_such_field
+
+    @compiled
+    def caller(x):
+        return broken(x)
+
+    with pytest.raises(numba.TypingError, match="there_is_no_such_field"):
+        caller(1.0)
