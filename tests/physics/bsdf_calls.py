@@ -9,6 +9,7 @@ from kernel_calls import looped
 
 from lumipath.kernels.bsdf.conductor import Metal, eval_metal, sample_metal
 from lumipath.kernels.bsdf.rough_dielectric import RoughDielectric, eval_rough_dielectric, sample_rough_dielectric
+from lumipath.kernels.bsdf.rough_diffuse import RoughDiffuse, eval_rough_diffuse, sample_rough_diffuse
 from lumipath.kernels.bsdf.thin_dielectric import ThinDielectric, eval_thin_dielectric, sample_thin_dielectric
 from lumipath.lang import Vec3, kernel
 from lumipath.pack.layout import PackedScene
@@ -55,7 +56,11 @@ def sheet(index, alpha):
     return ThinDielectric(index, alpha, Vec3(1, 1, 1), 1.0)
 
 
-metal, glass, sheet = kernel(metal), kernel(glass), kernel(sheet)
+def matt(roughness):
+    return RoughDiffuse(Vec3(1, 1, 1), roughness)
+
+
+metal, glass, sheet, matt = kernel(metal), kernel(glass), kernel(sheet), kernel(matt)
 
 
 def eval_of_metal(scene, eta, alpha_x, alpha_y, ox, oy, oz, ix, iy, iz):
@@ -88,18 +93,31 @@ def sample_of_sheet(scene, eta, alpha_x, alpha_y, ox, oy, oz, u, v, choice):
     return s.wi.x, s.wi.y, s.wi.z, s.weight.x, s.pdf
 
 
+def eval_of_matt(scene, eta, roughness, unused, ox, oy, oz, ix, iy, iz):
+    value = eval_rough_diffuse(matt(roughness), Vec3(ox, oy, oz), Vec3(ix, iy, iz))
+    return value.f.x, value.pdf
+
+
+def sample_of_matt(scene, eta, roughness, unused, ox, oy, oz, u, v, choice):
+    s = sample_rough_diffuse(matt(roughness), Vec3(ox, oy, oz), u, v)
+    return s.wi.x, s.wi.y, s.wi.z, s.weight.x, s.pdf
+
+
 EVALS = {
     "metal": looped(eval_of_metal, outputs=2, scene=True),
     "glass": looped(eval_of_glass, outputs=2, scene=True),
     "sheet": looped(eval_of_sheet, outputs=2, scene=True),
+    "matt": looped(eval_of_matt, outputs=2, scene=True),
 }
 """(2, N): f times |cosine|, and density; of white facets without compensation. Arguments: a packed scene, relative
-index of refraction, alpha along x and y, the three numbers of wo, the three of wi."""
+index of refraction, alpha along x and y (of a matt surface roughness and anything), the three numbers of wo, the three
+of wi."""
 
 SAMPLES = {
     "metal": looped(sample_of_metal, outputs=5, scene=True),
     "glass": looped(sample_of_glass, outputs=5, scene=True),
     "sheet": looped(sample_of_sheet, outputs=5, scene=True),
+    "matt": looped(sample_of_matt, outputs=5, scene=True),
 }
 """(5, N): wi, weight and density. Arguments: a packed scene, relative index of refraction, alpha along x and y, the
 three numbers of wo, three random numbers."""

@@ -9,6 +9,7 @@ from lumipath.kernels.bsdf.principled import eval_principled, principled_at, sam
 from lumipath.kernels.bsdf.responses import Question
 from lumipath.kernels.media import index_beyond
 from lumipath.kernels.surface import Surface
+from lumipath.kernels.tangents import no_tangents
 from lumipath.lang import Vec3, i32, kernel
 from lumipath.scene import Principled, Texture
 
@@ -62,7 +63,7 @@ NAMES = list(MATERIALS)
 def surface(material, front):
     """A flat surface, z upwards."""
     up = Vec3(0, 0, 1)
-    return Surface(Vec3(0, 0, 0), up, up, front, material, i32(-1), 0.0, 0.0, 0.0, 0.0, 1.0)
+    return Surface(Vec3(0, 0, 0), up, up, front, material, i32(-1), 0.0, 0.0, 0.0, 0.0, 1.0, no_tangents(), 0.0)
 
 
 @kernel

@@ -10,6 +10,7 @@ from renders import renders
 
 from lumipath.kernels.bsdf.conductor import Metal, sample_metal
 from lumipath.kernels.bsdf.rough_dielectric import RoughDielectric, facet_reflectance, sample_rough_dielectric
+from lumipath.kernels.bsdf.rough_diffuse import RoughDiffuse, sample_rough_diffuse
 from lumipath.kernels.bsdf.thin_dielectric import ThinDielectric, sample_thin_dielectric
 from lumipath.kernels.energy import dielectric_compensation, energy_compensation, schlick_albedo
 from lumipath.kernels.functions import cos_sin_turn
@@ -144,6 +145,15 @@ def test_a_rough_pane_loses_nothing():
     scene = packed_with(Pane(roughness=0.5))
     kernel = looped(sheet_weight, scene=True)
     assert np.abs(over_roughness_and_angle(lambda *rest: kernel(scene, *rest)) - 1).max() < 0.0025
+
+
+def matt_weight(roughness, mu, u, v):
+    wo = Vec3(sqrt(max(1.0 - mu * mu, 0.0)), 0.0, mu)
+    return sample_rough_diffuse(RoughDiffuse(Vec3(1, 1, 1), roughness), wo, u, v).weight.x
+
+
+def test_a_white_matt_surface_reflects_everything():
+    assert np.abs(over_roughness_and_angle(looped(matt_weight)) - 1).max() < 0.003
 
 
 def test_a_white_metal_is_not_to_be_seen_in_a_furnace(device):

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bsdf_calls import EVALS, SAMPLES, at_angle, looped, numbers, packed_with
+from principled_calls import PrincipledScene
 
 from lumipath.kernels.fresnel import conductor_reflectance
-from lumipath.scene import Conductor, Material
+from lumipath.scene import Conductor, Material, Principled
 from lumipath.scene.metals import METALS
 
 mitsuba = pytest.importorskip("mitsuba")
@@ -73,6 +74,29 @@ def test_rough_conductor(scene, alphas):
     their_value, their_pdf = theirs(made | {"alpha_u": alphas[0], "alpha_v": alphas[1]}, wo, wi)
     assert_close(value, their_value * masking_ratio(wo, wi, *alphas))
     assert_close(pdf, their_pdf)
+
+
+def test_diffuse(scene):
+    wo, wi = pairs(3, False)
+    value, pdf = EVALS["matt"](scene, 1.0, 0.0, 0.0, *wo, *wi)
+    for ours, other in zip((value, pdf), theirs({"type": "diffuse", "reflectance": 1.0}, wo, wi)):
+        np.testing.assert_allclose(ours, other, rtol=1e-5)
+
+
+@pytest.mark.parametrize("roughness", [0.4, 0.9])
+def test_metals_of_the_principled_material(roughness):
+    ours = PrincipledScene({"metal": Principled(base_color=0.6, metallic=1.0, roughness=roughness)})
+    made = {"type": "principled", "base_color": {"type": "rgb", "value": 0.6}, "metallic": 1.0, "roughness": roughness}
+    _, wi = pairs(4, False)
+    for cosine in (0.2, 0.5, 0.9):
+        wo = np.repeat(at_angle(cosine, 0.1)[:, None], PAIRS, axis=1)
+        value, pdf = ours.values("metal", wo, wi)
+        their_value, their_pdf = theirs(made, wo, wi)
+        assert_close(pdf, their_pdf)
+        # Ours makes up for light between facets, by a factor that depends on the viewer only.
+        more = np.median(value[0] / (their_value * masking_ratio(wo, wi, roughness**2, roughness**2)))
+        assert 1 < more < 1.6
+        assert_close(value[0], their_value * masking_ratio(wo, wi, roughness**2, roughness**2) * more)
 
 
 @pytest.mark.parametrize("inside", [False, True])

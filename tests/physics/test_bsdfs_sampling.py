@@ -1,4 +1,4 @@
-"""Rough metal and glass: directions are drawn with the density that is claimed, and weighed by what is left."""
+"""Matt surfaces, metal, glass: directions are drawn with the density that is claimed, and weighed by what is left."""
 
 from __future__ import annotations
 
@@ -30,6 +30,8 @@ CASES = [
     ("glass", 2.4, (0.5, 0.2), 0.5, 0.15),
     ("sheet", 1.5, (0.3, 0.3), 0.4, 0.0),
     ("sheet", 1.5, (0.8, 0.8), 0.9, 0.2),
+    ("matt", 1.0, (0.0, 0.0), 0.4, 0.0),
+    ("matt", 1.0, (1.0, 1.0), 0.7, 0.2),
 ]
 
 
@@ -102,13 +104,14 @@ def test_the_weight_is_the_value_over_the_density(scene, case):
     assert (weight[~lives] == 0).all()
 
 
-@pytest.mark.parametrize("kind", ["metal", "glass", "sheet"])
+@pytest.mark.parametrize("kind", ["metal", "glass", "sheet", "matt"])
 def test_two_directions_may_change_places(scene, kind):
-    eta = 1.0 if kind == "metal" else 1.5
+    opaque = kind in ("metal", "matt")
+    eta = 1.0 if opaque else 1.5
     z, turn = numbers(3, 2000) * np.float32([[0.98], [1.0]]) + np.float32([[0.01], [0.0]])
     other = numbers(4, 2000)
     wo = at_angle(z, turn)
-    for side in (1, -1) if kind != "metal" else (1,):
+    for side in (1,) if opaque else (1, -1):
         wi = at_angle(side * (0.01 + 0.98 * other[0]), other[1])
         value, _ = EVALS[kind](scene, eta, 0.5, 0.3 if kind != "sheet" else 0.5, *wo, *wi)
         # Seen from the other side, the first direction is above again.

@@ -10,7 +10,7 @@ from lumipath.errors import SceneError
 from lumipath.kernels.media import contains, entered, index_in, left, strongest, transmittance
 from lumipath.pack import layout
 from lumipath.pack.scene import pack_scene
-from lumipath.scene import Dielectric, Material, Scene, Sphere, ThinDielectric
+from lumipath.scene import Dielectric, Diffuse, Material, Mix, Principled, Scene, Sphere, ThinDielectric
 
 OUTSIDE = np.int32(-1)
 
@@ -88,9 +88,28 @@ def test_only_bodies_have_media_and_only_where_one_has_a_priority(glasses):
     assert not plain.media.any()
 
 
+def test_parts_of_a_mix_lead_into_one_medium():
+    clear, frosted = Dielectric(priority=1), Dielectric(roughness=0.5, priority=1)
+    scene = packed(Mix(first=clear, second=frosted), Dielectric(priority=2), Dielectric(priority=1))
+    numbers = scene.materials.view(np.int32)[:, layout.REFRACTION + 2]
+    # The mix itself is never met; its parts are the last two.
+    assert numbers.tolist() == [-1, 0, 1, 1, 1]
+    assert len(scene.media) == 2
+
+
+def test_a_mix_has_one_inside():
+    glass, paint = Dielectric(ior=1.5), Diffuse()
+    other = Principled(ior=1.5, transmission=1.0, roughness=0.2)
+    for second in (paint, other, ThinDielectric()):
+        assert Mix(first=glass, second=Mix(first=second, second=paint)).inside == glass.inside
+    for second in (Dielectric(ior=1.4), Dielectric(priority=1), Principled(ior=1.4, transmission=0.1)):
+        with pytest.raises(SceneError, match="Mix 'bad': first and second enclose different media"):
+            Mix(first=Mix(first=paint, second=glass), second=second, name="bad")
+
+
 def test_too_many_media_are_refused():
-    with pytest.raises(SceneError, match="127 dielectrics, of which some have a priority: at most 126 are possible"):
-        packed(*(Dielectric(priority=1) for _ in range(127)))
+    with pytest.raises(SceneError, match="127 media of dielectrics, of which some have a priority: at most 126 are p"):
+        packed(*(Dielectric(ior=1 + k / 100, priority=1) for k in range(127)))
 
 
 @pytest.mark.parametrize("priority", [1.5, True, 1001, "high"])

@@ -17,6 +17,11 @@ def features(**parameters):
     return pack_scene(Scene(shapes=[Sphere(material=Principled(**parameters))])).scene.features.mask
 
 
+def kind_of_inside(**parameters):
+    scene = pack_scene(Scene(shapes=[Sphere(material=Principled(**parameters))])).scene
+    return scene.materials[0, layout.EXTINCTION + 3]
+
+
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
@@ -68,8 +73,9 @@ class TestInside:
         assert Principled(transmission=0.5).is_dielectric
         assert not Principled(transmission=0.5, thin=True).is_dielectric
         assert not Principled(attenuation_color=0.5, attenuation_distance=1.0).is_dielectric
-        assert not features(transmission=0.5, thin=True) & layout.DIELECTRICS
-        assert features(transmission=0.5) & layout.DIELECTRICS
+        # Looks go through it as well; only one of them leads into another medium.
+        kinds = [kind_of_inside(transmission=0.5, thin=thin) for thin in (False, True)]
+        assert kinds == [layout.BODY, layout.SHEET]
 
     def test_absorbs_by_distance(self):
         glass = Principled(transmission=1.0, attenuation_color=(0.5, 1.0, 0.25), attenuation_distance=0.1)
@@ -92,6 +98,14 @@ class TestLobes:
         glass = Principled(base_color=red, transmission=1.0, ior=1.4).as_lobes()
         assert glass.is_dielectric
         assert (glass.index, glass.diffuse) == (1.4, (0.0, 0.0, 0.0))
+        pane = Principled(base_color=red, transmission=1.0, thin=True).as_lobes()
+        assert (pane.transmissive, pane.index, pane.diffuse) == ((1.0, 1.0, 1.0), 1.0, (0.0, 0.0, 0.0))
+
+    def test_half_of_a_milk_glass_is_seen_through(self):
+        milk = Principled(base_color=0.8, transmission=0.5)
+        packed = pack_scene(Scene(shapes=[Sphere(material=milk)])).scene
+        assert packed.materials[0, layout.REFRACTION + 1] == 0.5
+        np.testing.assert_allclose(packed.materials[0, layout.DIFFUSE : layout.DIFFUSE + 3], 0.4, rtol=1e-6)
 
     def test_textures_stay(self):
         assert Principled(base_color=GREY).as_lobes().diffuse is GREY

@@ -247,6 +247,17 @@ def test_benchmark_scenes_of_all_materials_have_all_of_them(size):
         np.testing.assert_array_equal(shape.vertices, before.vertices)
 
 
+def test_the_grid_is_over_roughness_and_metallic_and_its_glass_over_the_index():
+    balls = [shape.material for shape in builtin("material-grid").shapes if isinstance(shape, Sphere)]
+    glass = [ball.ior for ball in balls if isinstance(ball, Dielectric)]
+    assert glass == pytest.approx([1.1, 1.3, 1.5, 1.7, 1.9, 2.1, 2.3])
+    grid = {(ball.metallic, ball.roughness) for ball in balls if isinstance(ball, Principled)}
+    shares = {metallic for metallic, _ in grid}, {roughness for _, roughness in grid}
+    assert [len(share) for share in shares] == [4, 7]
+    assert all((min(share), max(share)) == (0.0, 1.0) for share in shares)
+    assert len(grid) == 28
+
+
 def test_the_studio_shows_every_part_of_the_principled_material():
     features = pack_scene(builtin("materials")).scene.features.mask
     for part_of_it in (layout.CLEARCOAT, layout.SHEEN, layout.IRIDESCENCE, layout.TRANSMISSION):

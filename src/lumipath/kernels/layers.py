@@ -7,15 +7,16 @@ Image Denoise on its auxiliary images advise. The other layers are of the first 
 from __future__ import annotations
 
 from ..lang import INF, Vec3, f32, i32, kernel, load, store, struct, u32
-from ..pack.layout import DIELECTRICS, INSTANCES, MIRRORS
+from ..pack.layout import BSDF_ROUGHNESS, DIELECTRICS, INSTANCES, MICROFACETS, MIRRORS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.mirror import mirror_direction
+from .bsdf.values import number_slot
 from .camera import axial_distance, camera_ray, central_numbers
 from .environment import environment_from
 from .footprints import looked_at_surface
 from .lobes import Bounce, lobe_probabilities
 from .materials import emission_at, lobes_at
-from .media import is_dielectric, medium_beyond, transmittance
+from .media import has_inside, medium_beyond, transmittance
 from .mixes import emitting_material
 from .punctual import with_suns
 from .rays import endless_ray, offset_point
@@ -24,6 +25,8 @@ from .vectors import black, dot, frame_around, mean_component, to_local, to_worl
 
 # Mirrors and glass that are looked through. What is behind more of them counts as white.
 LOOKED_THROUGH = 8
+# Roughness of metal and glass from which on nothing is seen in them or through them.
+BLURRING = f32(0.3)
 
 
 @struct
@@ -80,6 +83,18 @@ def look_through(scene, view, s, lobes, frame, wo, pixel, sample, event):
 
 
 @kernel
+def never_blurs(scene, s):
+    """A scene whose mirrors and glass are all smooth."""
+    return False
+
+
+@kernel(needs=MICROFACETS, otherwise=never_blurs)
+def blurs(scene, s):
+    """Whether a surface is so rough that what it mirrors or lets through cannot be told: it is seen itself."""
+    return number_slot(scene, s, BSDF_ROUGHNESS) >= BLURRING
+
+
+@kernel
 def first_hit(scene, view, trace, ray, pixel, sample):
     """Follow a camera ray to the first surface, and through mirrors and glass to what they show.
 
@@ -108,10 +123,10 @@ def first_hit(scene, view, trace, ray, pixel, sample):
             break
         s = looked_at_surface(scene, view, ray, hit, pixel, sample, event)
         if event == 0:
-            emission = emission_at(scene, emitting_material(scene, s, hit.primitive), s.corner, s.u, s.v, s.w1, s.w2)
+            emission = emission_at(scene, emitting_material(scene, s, hit), s.corner, s.u, s.v, s.w1, s.w2)
             depth = axial_distance(scene, view, s.p)
             first = FirstHit(black(), black(), s.n, s.p, emission, s.u, s.v, depth, i32(1), hit.primitive, hit.instance)
-        behind = is_dielectric(scene, s.material) & (not s.front)
+        behind = has_inside(scene, s.material) & (not s.front)
         medium = s.material if behind else medium
         throughput = throughput * transmittance(scene, medium, hit.t)
         lobes = lobes_at(scene, s)
@@ -119,6 +134,10 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         albedo = albedo + throughput * lobes.diffuse
         specular = specular_weight(scene, lobes)
         if not specular > 0.0:
+            normal = normal + s.shading * share
+            break
+        if blurs(scene, s):
+            albedo = albedo + throughput * (lobes.mirror + white() * lobes.transmission)
             normal = normal + s.shading * share
             break
         if event == LOOKED_THROUGH:

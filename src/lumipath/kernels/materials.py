@@ -12,6 +12,7 @@ from ..pack.layout import (
     MATERIAL_SIZE,
     MIRROR,
     MIRRORS,
+    MIXES,
     REFLECTION_TINT,
     REFRACTION,
     VERTEX_COLOURS,
@@ -77,7 +78,8 @@ def single_lobes(scene, s):
 @kernel(needs=BLENDED_MATERIALS, otherwise=single_lobes)
 def uncoloured_lobes(scene, s):
     """The lobes at a point of a surface, blended between the materials of the corners where they differ."""
-    if s.corner < 0:
+    # Where they do not, the surface may have a part of a mix, which is not what the corners have.
+    if (s.corner < 0) or is_of_one_material(scene, s):
         return material_lobes(scene, s.material, s.u, s.v, s.footprint)
     w1 = s.w1
     w2 = s.w2
@@ -93,6 +95,22 @@ def uncoloured_lobes(scene, s):
         a.reflection_tint * w0 + b.reflection_tint * w1 + c.reflection_tint * w2,
         a.internal_tint * w0 + b.internal_tint * w1 + c.internal_tint * w2,
     )
+
+
+@kernel
+def always_blended(scene, s):
+    """A scene without mixes, in which one material blended with itself is what it was."""
+    return False
+
+
+@kernel(needs=MIXES, otherwise=always_blended)
+def is_of_one_material(scene, s):
+    """Whether the corners of a triangle have the same material."""
+    if s.corner < 0:
+        return True
+    first = load(scene.vertex_materials, load(scene.corners, s.corner))
+    second = load(scene.vertex_materials, load(scene.corners, s.corner + 1))
+    return (first == second) & (first == load(scene.vertex_materials, load(scene.corners, s.corner + 2)))
 
 
 @kernel

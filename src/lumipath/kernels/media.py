@@ -9,7 +9,7 @@ that were passed without being there. So -1 is outside in both.
 from __future__ import annotations
 
 from ..lang import Vec3, as_int, f32, i32, inverse, kernel, load4
-from ..pack.layout import DIELECTRICS, EXTINCTION, MATERIAL_SIZE, MEDIUM_SIZE, NESTED, REFRACTION
+from ..pack.layout import BODY, DIELECTRICS, EXTINCTION, MATERIAL_SIZE, MEDIUM_SIZE, NESTED, NO_PRIORITY, REFRACTION
 from .functions import exp_minus
 from .vectors import white, xyz
 
@@ -138,9 +138,21 @@ def is_dielectric(scene, material):
 
 
 @kernel
+def never_inside(scene, material):
+    """No material has an inside."""
+    return False
+
+
+@kernel(needs=DIELECTRICS, otherwise=never_inside)
+def has_inside(scene, material):
+    """Whether light that goes through this material comes into another medium; a sheet has none."""
+    return load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3] == BODY
+
+
+@kernel
 def material_before(scene, s, medium):
     """The medium that a path has come through: at the back of a dielectric its own, whatever the path remembers."""
-    return s.material if is_dielectric(scene, s.material) & (not s.front) else medium
+    return s.material if has_inside(scene, s.material) & (not s.front) else medium
 
 
 @kernel(needs=NESTED, otherwise=material_before)
@@ -155,7 +167,7 @@ def medium_before(scene, s, medium):
 @kernel
 def material_beyond(scene, s, same_side, medium):
     """The medium that a path goes on in: another one only where it passes through the surface of a dielectric."""
-    if same_side | (not is_dielectric(scene, s.material)):
+    if same_side | (not has_inside(scene, s.material)):
         return medium
     return s.material if s.front else i32(-1)
 
@@ -185,7 +197,7 @@ def index_beyond(scene, s, medium):
     own = medium_number(scene, s.material)
     if own < 0:
         return f32(1.0)
-    if load4(scene.media, own * MEDIUM_SIZE)[3] > 1e37:
+    if load4(scene.media, own * MEDIUM_SIZE)[3] > NO_PRIORITY:
         return own_index_beyond(scene, s, medium)
     return index_in(scene, crossed(scene, s, medium)) / index_in(scene, medium)
 
@@ -199,7 +211,11 @@ def always_there(scene, s, medium):
 @kernel(needs=NESTED, otherwise=always_there)
 def is_overruled(scene, s, medium):
     """Whether a surface is not there, since a stronger medium is on both of its sides."""
-    if medium_number(scene, s.material) < 0:
+    own = medium_number(scene, s.material)
+    # Without a priority it is there, within a body of the same glass too.
+    if own < 0:
+        return False
+    if load4(scene.media, own * MEDIUM_SIZE)[3] > NO_PRIORITY:
         return False
     return strongest(scene, medium) == strongest(scene, crossed(scene, s, medium))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..lang import as_int, f32, i32, kernel, load4
 from ..pack.layout import MAP_MIX, MAP_SIZE, MATERIAL_MASK, MIXES, PRIMITIVE_SIZE
+from .instances import placed_material
 from .sampler import surface_numbers
 from .surface import with_material
 from .textures import number_at
@@ -40,12 +41,13 @@ def with_one_material(scene, view, s, pixel, sample, depth):
 
 
 @kernel
-def only_material(scene, s, primitive):
+def only_material(scene, s, hit):
     """A scene without mixes."""
     return s.material
 
 
 @kernel(needs=MIXES, otherwise=only_material)
-def emitting_material(scene, s, primitive):
+def emitting_material(scene, s, hit):
     """The material whose emission a surface has: that of the whole mix."""
-    return i32(as_int(load4(scene.primitives, primitive * PRIMITIVE_SIZE)[3]) & MATERIAL_MASK)
+    word = as_int(load4(scene.primitives, hit.primitive * PRIMITIVE_SIZE)[3])
+    return placed_material(scene, hit.instance, i32(word & MATERIAL_MASK))

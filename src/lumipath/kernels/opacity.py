@@ -62,11 +62,14 @@ def stops(scene, primitive, within, o, d, t):
     """
     row = load4(scene.primitives, primitive * PRIMITIVE_SIZE)
     word = as_int(row[3])
-    material = placed_material(scene, within, i32(word & MATERIAL_MASK))
-    if ((word & HAS_HOLES) == 0) & (material == i32(word & MATERIAL_MASK)):
+    own = i32(word & MATERIAL_MASK)
+    material = placed_material(scene, within, own)
+    if ((word & HAS_HOLES) == 0) & (material == own):
         return True
     found = primitive_normals(scene, primitive, o + d * t, xyz(row))
-    opacity = opacity_at(scene, material, found.corner, found.u, found.v, found.w1, found.w2)
+    # As in `Surface`: an instance that has a material takes no colours of vertices.
+    corner = found.corner if material == own else i32(-1)
+    opacity = opacity_at(scene, material, corner, found.u, found.v, found.w1, found.w2)
     return chance_of(o, d, t, primitive) < opacity
 
 

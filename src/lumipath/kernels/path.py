@@ -15,7 +15,7 @@ from .light_layers import emitter_group
 from .lights import emitter_pdf
 from .materials import seen_emission
 from .media import (
-    is_dielectric,
+    has_inside,
     is_overruled,
     medium_before,
     medium_beyond,
@@ -152,7 +152,7 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
     ray = path.ray
     s = shading_surface(scene, view, path, hit, pixel, sample)
     # Arriving at the back of a dielectric means having been inside, whatever the path remembers.
-    behind = is_dielectric(scene, s.material) & (not s.front)
+    behind = has_inside(scene, s.material) & (not s.front)
     medium = medium_before(scene, s, path.medium)
     throughput = path.throughput * transmittance(scene, medium, hit.t)
 
@@ -161,7 +161,7 @@ def shade(scene, view, path, hit, numbers, pixel, sample):
 
     # Emission of what was hit.
     emitted = black()
-    emitting = emitting_material(scene, s, hit.primitive)
+    emitting = emitting_material(scene, s, hit)
     emitter = emitter_group(scene, emitting)
     # Light sampling sees textures as they are, so whatever competes with it must, too.
     footprint = s.footprint if path.depth == 0 else f32(0.0)

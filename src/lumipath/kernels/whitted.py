@@ -28,7 +28,7 @@ from .environment import environment_from
 from .fresnel import refracted_cosine
 from .functions import unit_power
 from .materials import emission_at, lobes_at
-from .media import is_dielectric, medium_beyond, transmittance
+from .media import has_inside, is_dielectric, medium_beyond, transmittance
 from .normal_maps import mapped_surface
 from .punctual import light_row, sample_directional_light, sample_point_light, sample_spot_light, with_suns
 from .rays import SHADOW_END, Ray, endless_ray, offset_point
@@ -263,7 +263,7 @@ def split(scene, view, trace, branch):
         return Split(branch.weight * radiance, dead(branch), dead(branch))
     s = mapped_surface(scene, branch.ray, hit)
     # As in the path tracer: at the back of a dielectric one has been inside, and its paint lies on its outside.
-    behind = is_dielectric(scene, s.material) & (not s.front)
+    behind = has_inside(scene, s.material) & (not s.front)
     medium = s.material if behind else branch.medium
     weight = branch.weight * transmittance(scene, medium, hit.t)
     light = weight * emission_at(scene, s.material, s.corner, s.u, s.v, s.w1, s.w2)

@@ -123,10 +123,12 @@ MATERIAL_SIZE = i32(28)
 DIFFUSE = i32(0)  # albedo rgb
 EMISSION = i32(4)  # radiance rgb
 MIRROR = i32(8)  # weight rgb
-EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 1 for a dielectric, else 0
+EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is BODY or SHEET for a dielectric, else 0
 REFLECTION_TINT = i32(16)  # of Fresnel reflection, rgb
 INTERNAL_TINT = i32(20)  # of total internal reflection, rgb
 REFRACTION = i32(24)  # index of refraction, mean transmissive weight, with NESTED its medium as bits, unused
+BODY = f32(1)  # light goes through it into an inside
+SHEET = f32(2)  # light goes through it and comes out again
 
 # ---- BSDFs: 80 floats. Their head is the kind as bits, three unused; then slots of 4. A colour is a factor rgb and the
 #      number of a texture as bits, -1 for none; a number is a factor, two unused, and its texture
@@ -167,6 +169,7 @@ MAP_MIX = i32(8)  # weight of the second part, numbers of both parts as bits (-1
 # ---- media, with NESTED: 8 floats: extinction rgb (1/m), priority; index of refraction, three unused
 MEDIUM_SIZE = i32(8)
 MOST_MEDIA = 126  # 7 bits each, one of them for none
+NO_PRIORITY = f32(1e37)  # whatever is above it stands for none
 
 # ---- energy: tables of directional albedos, of `pack/energy.py`. A table has 32 rows of roughness with 32 cells
 #      of cosine, and then the mean of each row over the hemisphere

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from ..scene import Appearance, Material, Mix, Texture, ThinDielectric
+from ..scene import Appearance, Material, Mix, Texture
 from ..scene.material import is_positive
 from . import layout
 from .bsdfs import BsdfRow, write_bsdf
@@ -62,10 +62,16 @@ class MaterialTable:
         table = np.zeros((len(self.materials), int(layout.MATERIAL_SIZE)), np.float32)
         for row, material, appearance in zip(table, self.lobes(), self.materials):
             self._write_row(row, material)
-            if isinstance(appearance, Appearance) and appearance.extinction is not None:
-                row[layout.EXTINCTION : layout.EXTINCTION + 3] = appearance.extinction
-                row[layout.REFRACTION + 1] = 1.0
+            if isinstance(appearance, Appearance) and material.is_dielectric:
+                self._write_inside(row, appearance)
         return table
+
+    def _write_inside(self, row: NDArray[np.float32], material: Appearance) -> None:
+        inside = material.inside
+        row[layout.REFRACTION + 1] = material.transmitted_share
+        row[layout.EXTINCTION + 3] = layout.SHEET if inside is None else layout.BODY
+        if inside is not None:
+            row[layout.EXTINCTION : layout.EXTINCTION + 3] = inside.extinction
 
     def media(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
         """(D, 8) float32: the media of dielectrics, where any has a priority; their numbers are written into `rows`.
@@ -75,20 +81,22 @@ class MaterialTable:
         """
         if all(getattr(material, "priority", None) is None for material in self.materials):
             return np.zeros((0, int(layout.MEDIUM_SIZE)), np.float32)
-        found: list[NDArray[np.float32]] = []
+        # Equal media have one number, so that parts of a mix lead into the same one.
+        found: dict[tuple[float, ...], int] = {}
         for row, material in zip(rows, self.materials):
-            has_inside = row[layout.EXTINCTION + 3] > 0 and not isinstance(material, ThinDielectric)
-            row.view(np.int32)[layout.REFRACTION + 2] = len(found) if has_inside else -1
-            if has_inside:
+            number = -1
+            if row[layout.EXTINCTION + 3] == layout.BODY and not isinstance(material, Mix):
                 priority = getattr(material, "priority", None)
-                extinction = row[layout.EXTINCTION : layout.EXTINCTION + 3]
-                index = row[layout.REFRACTION]
-                found.append(np.array([*extinction, _FIRST if priority is None else priority, index, 0, 0, 0]))
+                extinction = row[layout.EXTINCTION : layout.EXTINCTION + 3].tolist()
+                medium = (*extinction, _FIRST if priority is None else priority, float(row[layout.REFRACTION]), 0, 0, 0)
+                number = found.setdefault(medium, len(found))
+            row.view(np.int32)[layout.REFRACTION + 2] = number
         if len(found) > layout.MOST_MEDIA:
             raise SceneError(
-                f"{len(found)} dielectrics, of which some have a priority: at most {layout.MOST_MEDIA} are possible"
+                f"{len(found)} media of dielectrics, of which some have a priority: at most {layout.MOST_MEDIA} are"
+                " possible"
             )
-        return np.array(found, np.float32)
+        return np.array(list(found), np.float32)
 
     def lobes(self) -> list[Material]:
         """The sum of lobes of each material, or the one that stands for it."""

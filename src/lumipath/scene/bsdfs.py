@@ -64,6 +64,15 @@ def _checked_priority(owner: Any, attribute: Any, value: Any) -> None:
         raise SceneError(f"{_where(owner)}: priority is {value!r}: it must be a whole number from -1000 to 1000")
 
 
+@frozen
+class Inside:
+    """The medium that a surface encloses: index of refraction, absorption (1/m), and priority where bodies overlap."""
+
+    ior: float
+    extinction: Colour
+    priority: int | None = None
+
+
 @frozen(eq=False, kw_only=True)
 class Appearance:
     """What all materials of this page have in common.
@@ -130,9 +139,14 @@ class Appearance:
         return False
 
     @property
-    def extinction(self) -> Colour | None:
-        """What is absorbed inside, 1/m; None: what `as_lobes` says."""
+    def inside(self) -> Inside | None:
+        """What light that goes through comes into; None for surfaces that enclose no other medium."""
         return None
+
+    @property
+    def transmitted_share(self) -> float:
+        """Mean share of the surface that light goes through, where it goes through at all."""
+        return 1.0
 
     def as_lobes(self) -> Material:
         """The sum-of-lobes material nearest to this one: what Whitted ray tracing and looks at albedo see."""
@@ -286,15 +300,14 @@ class Dielectric(Appearance):
         return self.roughness == 0 and is_white and self.priority is None
 
     @property
-    def extinction(self) -> Colour:
-        """What is absorbed inside, 1/m."""
-        return absorption_of(self.attenuation_color, self.attenuation_distance)
+    def inside(self) -> Inside:
+        """What it is made of."""
+        return Inside(self.ior, absorption_of(self.attenuation_color, self.attenuation_distance), self.priority)
 
     def as_lobes(self) -> Material:
         """Clear glass of the same index and medium."""
-        # Above 0 where so much is absorbed that nothing is left after a metre; `extinction` is exact.
-        r, g, b = (max(math.exp(-part), 1e-30) for part in self.extinction)
-        return Material(transmissive=(r, g, b), index=self.ior, emission=self.emission, name=self.name)
+        left = left_after_a_metre(self.inside)
+        return Material(transmissive=left, index=self.ior, emission=self.emission, name=self.name)
 
 
 @frozen(eq=False, kw_only=True)
@@ -318,11 +331,9 @@ class ThinDielectric(Appearance):
         return Material(transmissive=WHITE, index=1.0, emission=self.emission, name=self.name)
 
 
-def extinction_of(tint: Colour, distance: float) -> Colour:
-    """Transmissive colour per metre of a medium that leaves `tint` after `distance` metres."""
-    if math.isinf(distance):
-        return WHITE
-    r, g, b = (max(part, 1e-20) ** (1 / distance) for part in tint)
+def left_after_a_metre(inside: Inside) -> Colour:
+    """Transmissive colour of a medium: above 0 even where nothing is left, which `Inside.extinction` tells exactly."""
+    r, g, b = (max(math.exp(-part), 1e-30) for part in inside.extinction)
     return (r, g, b)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from attrs import field, frozen
 
 from ..errors import SceneError
-from .bsdfs import Appearance, Number, checked_share
+from .bsdfs import Appearance, Inside, Number, checked_share
 from .material import Material
 from .textures import Texture
 
@@ -25,7 +25,8 @@ class Mix(Appearance):
         weight: of the second, from 0 to 1; a number or a texture.
 
     Raises:
-        SceneError: a part emits, has an opacity or is one-sided; mixes within mixes more than 8 deep.
+        SceneError: a part emits, has an opacity or is one-sided; both enclose different media; mixes within mixes more
+            than 8 deep.
     """
 
     first: Appearance = field()
@@ -46,8 +47,16 @@ class Mix(Appearance):
                 raise SceneError(f"{where}: {name} is one-sided; give two_sided to the mix")
         if self.has_normals:
             raise SceneError(f"{where}: normals are those of its parts; give normal_map or bump_map to them")
+        insides = {part.inside for part in self.parts().values() if part.inside}
+        if len(insides) > 1:
+            raise SceneError(f"{where}: first and second enclose different media; give both the same inside")
         if self.depth > MAX_DEPTH:
             raise SceneError(f"{where}: mixes lie {self.depth} deep in each other; {MAX_DEPTH} are possible")
+
+    @property
+    def inside(self) -> Inside | None:
+        """That of its parts, whichever of them have one."""
+        return self.first.inside or self.second.inside
 
     def parts(self) -> dict[str, Appearance]:
         """Both materials by the names of their fields."""

@@ -7,10 +7,18 @@ from typing import ClassVar
 
 from attrs import field, frozen
 
-from .bsdfs import WHITE, Appearance, Number, absorption_of, checked_number, checked_share
+from .bsdfs import (
+    BLACK,
+    WHITE,
+    Appearance,
+    Inside,
+    Number,
+    absorption_of,
+    checked_number,
+    checked_share,
+    left_after_a_metre,
+)
 from .material import Colour, Material, Texture, is_positive
-
-BLACK = (0.0, 0.0, 0.0)
 
 # Metals that are rougher than this are no mirrors to whoever sees lobes only.
 _MIRROR_ROUGHNESS = 0.3
@@ -93,25 +101,31 @@ class Principled(Appearance):
         return self.transmits and not self.thin
 
     @property
-    def extinction(self) -> Colour | None:
-        """What is absorbed inside, 1/m; None for surfaces without an inside."""
-        return absorption_of(self.attenuation_color, self.attenuation_distance) if self.is_dielectric else None
+    def inside(self) -> Inside | None:
+        """What the surface encloses; None where light does not go through, or the wall is thin."""
+        if not self.is_dielectric:
+            return None
+        return Inside(self.ior, absorption_of(self.attenuation_color, self.attenuation_distance))
+
+    @property
+    def transmitted_share(self) -> float:
+        """Mean share of the surface that light goes through."""
+        return _mean(self.transmission) * (1 - _mean(self.metallic))
 
     def as_lobes(self) -> Material:
-        """A metal as a mirror if it is smooth; glass as a smooth dielectric; anything else as a Lambert lobe."""
+        """A metal as a mirror if it is smooth; glass as clear glass; anything else as a Lambert lobe."""
         metallic = _mean(self.metallic)
         polished = _mean(self.roughness) < _MIRROR_ROUGHNESS
-        through = _mean(self.transmission) * (1 - metallic) if self.is_dielectric else 0.0
+        through = self.transmitted_share
         matt = (1 - metallic if polished else 1.0) - through
-        # Above 0 where so much is absorbed that nothing is left after a metre; `extinction` is exact.
-        r, g, b = (max(math.exp(-part), 1e-30) for part in self.extinction) if self.extinction else BLACK
+        inside = self.inside
+        # Whatever share goes through, it is this colour; a thin wall is hardly there.
+        left = left_after_a_metre(inside) if inside else WHITE
         return Material(
             diffuse=_scaled(self.base_color, max(matt, 0.0)),
-            specular=_scaled(self.base_color, metallic)
-            if polished and metallic > 0 and not self.is_dielectric
-            else None,
-            transmissive=(r, g, b),
-            index=self.ior if self.is_dielectric else 1.0,
+            specular=_scaled(self.base_color, metallic) if polished and metallic > 0 and not through > 0 else None,
+            transmissive=left if through > 0 else BLACK,
+            index=inside.ior if inside else 1.0,
             emission=self.emission,
             name=self.name,
         )

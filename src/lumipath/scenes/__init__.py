@@ -37,6 +37,11 @@ _SCENES = {
     "forest": ("forest", "forest", "a thousand trees of 100,000 triangles each, of three kinds that are stored once"),
     "glass-of-water": ("water", "glass_of_water", "water in a glass, which overlap and have priorities"),
     "materials": ("studio", "materials", "the principled material: gold, plastic, lacquer, cloth, films and glass"),
+    "material-grid": (
+        "studio",
+        "material_grid",
+        "the principled material by roughness and metallic, glass by its index",
+    ),
     "bench-cornell": ("bench", "bench_cornell", "benchmark: a Cornell box of 36 triangles"),
     "bench-blob100k": ("bench", "bench_blob100k", "benchmark: a bumpy sphere in a box, 99,236 triangles"),
     "bench-blob1m": ("bench", "bench_blob1m", "benchmark: a bumpy sphere in a box, 998,012 triangles"),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ..scene import Box, Camera, Environment, Material, Mesh, Principled, Scene, Sphere, Texture
+from ..scene import Box, Camera, Dielectric, Environment, Material, Mesh, Principled, Scene, Sphere, Texture
 from ..scene.shapes import Shape
 from ._build import UPRIGHT, quads, scale, translate
 
@@ -20,6 +21,7 @@ _WHITE = (1.0, 1.0, 1.0)
 _RED = (0.55, 0.02, 0.02)
 _BLUE = (0.02, 0.12, 0.4)
 _GOLD = (1.0, 0.71, 0.29)
+_COPPER = (0.93, 0.5, 0.32)
 _GREY = Material(diffuse=(0.32, 0.32, 0.33), name="steps")
 _PAPER = Material(diffuse=(0.4, 0.41, 0.43), name="paper")
 
@@ -169,7 +171,27 @@ def materials() -> Scene:
     From the back: gold and plastic from polished to rough, lacquer under a coat that grows rough, cloth and films of
     oil, and glass: clear to frosted, tinted inside, and a bubble.
     """
-    rows = _rows()
+    return _studio(_rows(), "materials")
+
+
+def material_grid() -> Scene:
+    """The principled material over `roughness`, from left to right, and `metallic`, from the front to the back.
+
+    Before it lies a row of clear glass whose index of refraction rises from 1.1 to 2.3.
+    """
+    glass = [Dielectric(ior=round(1.1 + 0.2 * column, 1), name=f"ior {1.1 + 0.2 * column:.1f}") for column in range(7)]
+    grid = [
+        [
+            Principled(base_color=_COPPER, metallic=metallic, roughness=share, name=f"{metallic:.2f} {share:.2f}")
+            for share in _shares()
+        ]
+        for metallic in (0.0, 1 / 3, 2 / 3, 1.0)
+    ]
+    return _studio([glass, *grid], "material-grid")
+
+
+def _studio(rows: Sequence[Sequence[Dielectric | Principled]], name: str) -> Scene:
+    """Rows of balls, the first in front."""
     balls = [_ball(row, column, material) for row, line in enumerate(rows) for column, material in enumerate(line)]
     middle = (0.0, 1.0, -2.0)
     lamps = [
@@ -181,5 +203,5 @@ def materials() -> Scene:
         shapes=[_backdrop(), _tiles(), *_steps(len(rows)), *balls, *lamps],
         cameras=[Camera.look_at((0.0, 6.6, 15.0), (0.0, 1.0, -2.0), fov=17.5, aspect=1.5)],
         environment=Environment(image=np.full((4, 8, 3), 0.4, np.float32), name="dim"),
-        name="materials",
+        name=name,
     )
