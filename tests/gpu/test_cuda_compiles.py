@@ -30,15 +30,19 @@ from lumipath.pack.layout import WIDE_TREE, PackedScene
 from lumipath.pack.scene import layer_features, pack_scene, settings_features
 from lumipath.scene import (
     Conductor,
+    Dielectric,
     Diffuse,
     DirectionalLight,
+    Instance,
     Mesh,
     Mix,
     PointLight,
+    Principled,
     Scene,
     Sphere,
     SpotLight,
     Texture,
+    ThinDielectric,
 )
 from lumipath.scenes.forest import forest
 from lumipath.settings import RenderSettings
@@ -274,7 +278,7 @@ def test_layers_compile_within_bounds_and_spill_nothing(capability):
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
-@pytest.mark.parametrize("scene", ["bench-cornell", "many-lobes", "textures"])
+@pytest.mark.parametrize("scene", ["bench-materials-cornell", "many-lobes", "textures"])
 def test_layers_need_no_double_precision_and_no_calls(scene, wide):
     signature = (layers_scene(scene, wide=wide, sampler="independent"), VIEW_TYPE, LAYERS_TYPE, WORK_TYPE)
     ptx = compile_ptx(make_layers(STACK), signature, (9, 0))
@@ -291,50 +295,50 @@ def test_kernels_for_another_stack_are_other_kernels():
     assert deep - shallow == 4 * 3 * STACK
 
 
-@pytest.mark.parametrize(
-    ("scene", "light_sampling"),
-    [("many-lamps", "auto"), ("many-lamps", "power"), ("bench-cornell", "tree")],
-)
-def test_lights_of_every_kind_compile_within_bounds(scene, light_sampling):
+@pytest.mark.parametrize("light_sampling", ["tree", "power"])
+def test_lights_of_every_kind_compile_within_bounds(light_sampling):
     made = compile_megakernel(
-        arguments(scene, wide=True, lights=EVERY_LIGHT, light_sampling=light_sampling), (9, 0), STACK
+        arguments("many-lamps", wide=True, lights=EVERY_LIGHT, light_sampling=light_sampling), (9, 0), STACK
     )
     registers, stack = resources(made.report)
     assert registers <= 64
     assert stack <= 4 * STACK + 256
 
 
-@pytest.mark.parametrize(
-    "scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "forest", "glass-of-water"]
-)
+@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "forest"])
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
-    settings = {"clamp_indirect": 1.0, "regularize": True} if scene == "glass-of-water" else {}
-    assert_single_precision(arguments(scene, wide=True, **settings))
+    from lumipath.devices.cuda.megakernel import make_vote
 
-
-def test_no_light_is_computed_in_double_precision_or_by_a_call():
-    assert_single_precision(arguments("many-lamps", wide=True, lights=EVERY_LIGHT))
+    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True), WORK_TYPE), (9, 0))
+    body = ptx[ptx.index(".entry") :]
+    assert re.search(r"\.f32\s", body)
+    assert not re.search(r"\.f64\s", body)
+    assert not re.search(r"\bcall(\.uni)?\b", body)
 
 
 def every_surface():
-    """Opacity, mixes, bent normals, anisotropy, vertex colours, and textures of both widths."""
+    """All materials and all that they may have, media with priorities, textures of both widths, and instances."""
     data = Texture(np.full((4, 4, 4), 128, np.uint8), srgb=False)
     metal = Conductor(roughness=data.view("g"), anisotropy=0.5, normal_map=data)
     mix = Mix(first=metal, second=Diffuse(roughness=1.0, bump_map=data), weight=data, opacity=data.view("a"))
     lamp = Diffuse(emission=Texture(np.ones((2, 2, 3))), opacity=0.5, two_sided=False)
     mesh = {"vertices": np.eye(3), "faces": [(0, 1, 2)], "uvs": np.eye(3, 2)}
     coloured = Mesh(**mesh, material=mix, colours=np.ones((3, 4)), normals=np.eye(3) + 0.1)
-    return Scene(shapes=[coloured, Mesh(**mesh, material=lamp), Sphere(material=mix), Sphere(material=lamp)])
+    principled = Principled(
+        transmission=0.5, clearcoat=1.0, sheen_color=0.5, iridescence=1.0, specular=0.5, anisotropy=0.5, roughness=data
+    )
+    glass = Dielectric(roughness=0.5, priority=1)
+    shapes = [coloured, Mesh(**mesh, material=lamp), Sphere(material=mix), Sphere(material=lamp)]
+    round_lamp = Diffuse(emission=1.0)
+    shapes += [Sphere(material=material) for material in (principled, glass, ThinDielectric(), round_lamp)]
+    return Scene(shapes=[*shapes, *(Instance(coloured, transform=np.diag([s, s, s, 1])) for s in (1.0, 2.0))])
 
 
-@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
-def test_kernels_of_all_surfaces_compute_in_single_precision_and_call_nothing(wide):
-    assert_single_precision(arguments(every_surface(), wide=wide, lights=LIGHTS))
-
-
-def assert_single_precision(signature):
+def test_kernels_of_all_surfaces_and_lights_compute_in_single_precision_and_call_nothing():
     from lumipath.devices.cuda.megakernel import make_vote
 
+    settings = {"light_sampling": "tree", "clamp_indirect": 1.0, "regularize": True}
+    signature = arguments(every_surface(), wide=True, lights=EVERY_LIGHT, **settings)
     ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*signature, WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)

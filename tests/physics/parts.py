@@ -9,14 +9,20 @@ import numpy as np
 from lumipath.scene import (
     Conductor,
     Cone,
+    Dielectric,
     Diffuse,
+    DirectionalLight,
     Environment,
+    Instance,
     Material,
     Mesh,
     Mix,
+    Principled,
+    Scene,
     Shape,
     Sphere,
     Texture,
+    ThinDielectric,
 )
 
 
@@ -102,17 +108,34 @@ def hidden(*names: str) -> list[Shape]:
     return [shapes[name]() for name in names]
 
 
-def hidden_surfaces() -> list[Shape]:
-    """Shapes that nobody sees, with all that surfaces may have: scenes with them share their kernels."""
+def hidden_surfaces() -> list[Shape | Instance]:
+    """Shapes that nobody sees, with all that surfaces may have."""
     small = moved(0.0, -90.0, 0.0) @ scaled(0.01)
     flat = Texture(np.full((1, 1, 3), 0.5))
     mix = Mix(first=Conductor(anisotropy=0.5), second=Diffuse(roughness=1.0), weight=flat, opacity=flat)
     corners = (small @ np.array([(0, 0, 0, 1), (1, 0, 0, 1), (0, 1, 0, 1)]).T).T[:, :3]
     uvs = [(0, 0), (1, 0), (0, 1)]
     tinted = Diffuse(normal_map=flat, emission=1e-6, two_sided=False)
+    twice = Sphere()
     return [
         Sphere(transform=small, material=mix),
         Sphere(transform=small, material=Diffuse(emission=1e-6)),
         Mesh(vertices=corners, faces=[(0, 1, 2)], uvs=uvs, colours=np.ones((3, 4)), material=tinted),
         Mesh(vertices=corners, faces=[(0, 1, 2)], normals=np.eye(3) + 0.1, material=tinted),
+        Mesh(vertices=corners, faces=[(0, 1, 2)], vertex_materials=(Material(), Material(diffuse=0.5), Material())),
+        Sphere(transform=small, material=Dielectric(roughness=0.5, priority=1)),
+        Sphere(transform=small, material=ThinDielectric()),
+        Sphere(transform=small, material=Principled(transmission=0.5, clearcoat=1.0, specular=0.5)),
+        *(Instance(twice, transform=small) for _ in range(2)),
     ]
+
+
+def with_all_surfaces(scene: Scene) -> Scene:
+    """The scene with all that surfaces may be, far away and faint: such scenes share their kernels."""
+    return Scene(
+        shapes=[*scene.shapes, *hidden_surfaces()],
+        lights=[*scene.lights, DirectionalLight(direction=(0, -1, 0), colour=1e-9)],
+        environment=scene.environment or sky(1e-9),
+        cameras=scene.cameras,
+        name=scene.name,
+    )

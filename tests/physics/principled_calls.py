@@ -57,6 +57,20 @@ MATERIALS = {
     ),
 }
 NAMES = list(MATERIALS)
+KINDS = {
+    "plastic": {},
+    "metal": {"metallic": 1.0},
+    "glass": {"transmission": 1.0},
+    "wall": {"transmission": 1.0, "thin": True},
+    "lacquer": {"clearcoat": 1.0, "clearcoat_roughness": 0.3},
+    "velvet": {"sheen_color": 1.0, "sheen_roughness": 0.5},
+}
+WHITE = {
+    f"{kind} {roughness}": Principled(base_color=1.0, roughness=roughness, **options)
+    for kind, options in KINDS.items()
+    for roughness in (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
+}
+"""White surfaces of all kinds and roughnesses."""
 
 
 @kernel

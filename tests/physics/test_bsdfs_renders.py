@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from judging import ALPHA, assert_same, p_value
-from parts import floor, moved, quad, scaled
+from parts import floor, moved, quad, scaled, sky, with_all_surfaces
 from renders import renders, without_light_sampling
 
 from lumipath.scene import Camera, Conductor, Dielectric, Diffuse, Environment, Material, Scene, Sphere, ThinDielectric
@@ -39,16 +38,23 @@ def show():
     return Scene(shapes=shapes, environment=broad_sun(), cameras=[camera])
 
 
-@pytest.fixture(scope="module")
-def usual():
-    return renders(show(), first_seed=1000, **SETTINGS)
+def test_lamps_that_are_found_by_chance_show_the_same(device):
+    scene = with_all_surfaces(show())
+    usual = renders(scene, device=device, first_seed=1000, **SETTINGS)
+    assert_same(usual, renders(scene, device=device, change=without_light_sampling, **SETTINGS))
 
 
-def test_lamps_that_are_found_by_chance_show_the_same(usual):
-    assert_same(usual, renders(show(), change=without_light_sampling, **SETTINGS))
-
-
-def test_clamping_only_darkens(usual):
-    clamped = renders(show(), clamp_indirect=0.05, **SETTINGS)
+def test_clamping_only_darkens_what_is_lit_indirectly(device):
+    # Below the open sky only the inner side of the fold is lit by the other one.
+    half = quad((0, 0, -1), (0, 0, 1), (-1, 1, 1), (-1, 1, -1), material=Diffuse(reflectance=0.7))
+    fold = [half, quad((0, 0, 1), (0, 0, -1), (1, 1, -1), (1, 1, 1), material=Diffuse(reflectance=0.7))]
+    camera = Camera.look_at((0, 6, 0.01), (0, 0, 0), fov=18)
+    scene = Scene(shapes=fold, environment=sky(), cameras=[camera])
+    settings = SETTINGS | {"max_depth": 3, "device": device}
+    direct, usual = (renders(scene, **(settings | {"max_depth": depth})) for depth in (1, 3))
+    clamped = renders(scene, clamp_indirect=0.05, **settings)
     assert p_value(clamped, usual) < ALPHA
-    assert clamped.mean() < usual.mean()
+    assert p_value(clamped, direct) < ALPHA
+    assert direct.mean() < clamped.mean() < usual.mean()
+    # Nothing is as bright: the limit is without effect.
+    assert_same(renders(scene, clamp_indirect=10.0, **settings), usual)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from judging import ALPHA, assert_same, p_value
-from parts import hidden, moved, scaled
+from parts import moved, scaled, with_all_surfaces
 from renders import renders
 
 from lumipath.scene import Box, Camera, Dielectric, Environment, Scene, Sphere
@@ -48,9 +48,9 @@ def stack_transmittance(indices, absorbed):
 def test_water_in_a_glass_that_it_overlaps(device):
     glass = Dielectric(ior=1.5, priority=2, **GREEN)
     water = Dielectric(ior=1.33, priority=1, **BLUE)
-    shapes = [slab(1.0, 1.1, glass), slab(1.05, 2.03, water), slab(2.0, 2.2, glass), *hidden("quadric")]
+    shapes = [slab(1.0, 1.1, glass), slab(1.05, 2.03, water), slab(2.0, 2.2, glass)]
     scene = Scene(shapes=shapes, environment=light_from_behind(), cameras=[Camera(fov=0.5)])
-    images = renders(scene, device=device, **SETTINGS)
+    images = renders(with_all_surfaces(scene), device=device, **SETTINGS)
     # Between the walls there are 0.9 metres of water.
     lengths = [np.array(GREEN["attenuation_color"]) ** (d / 0.5) for d in (0.1, 0.2)]
     layers = [lengths[0], np.array(BLUE["attenuation_color"]) ** 0.9, lengths[1]]
@@ -71,7 +71,7 @@ def gradient():
 def balls(*materials):
     """Spheres within each other."""
     shapes = [Sphere(transform=moved(0, 0, -3) @ scaled(0.9**k), material=m) for k, m in enumerate(materials)]
-    return Scene(shapes=[*shapes, *hidden("quadric")], environment=gradient(), cameras=[Camera(fov=45)])
+    return with_all_surfaces(Scene(shapes=shapes, environment=gradient(), cameras=[Camera(fov=45)]))
 
 
 WATER = Dielectric(ior=1.33, priority=1, **BLUE)

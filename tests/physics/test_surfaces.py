@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from judging import assert_same
-from parts import floor, hidden_surfaces, moved, quad, scaled, sky, sphere_mesh
+from parts import floor, moved, quad, scaled, sky, sphere_mesh, with_all_surfaces
 from renders import renders, without_light_sampling
 
 from lumipath.scene import (
@@ -30,14 +30,10 @@ DOWN = Camera.look_at((0, 4, 0.001), (0, 0, 0), up=(0, 0, -1), fov=30)
 
 def pictures(*shapes, device="cpu", environment=None, lights=(), camera=DOWN, **settings):
     """(seeds, H, W, 3): renders of a scene that shares its kernels with all others here."""
-    faint = DirectionalLight(direction=(0, -1, 0), colour=1e-9)
-    scene = Scene(
-        shapes=[*shapes, *hidden_surfaces()],
-        lights=[*lights, faint],
-        environment=environment or sky(1e-9),
-        cameras=[camera],
+    made = Scene(shapes=list(shapes), lights=list(lights), environment=environment, cameras=[camera])
+    return renders(
+        with_all_surfaces(made), device=device, **SIZE, **({"spp": 16, "seeds": 12, "max_depth": 2} | settings)
     )
-    return renders(scene, device=device, **SIZE, **({"spp": 16, "seeds": 12, "max_depth": 2} | settings))
 
 
 def sheet(y, half=3.0, **options):
@@ -160,21 +156,8 @@ def test_lamps_of_all_surfaces_that_are_sampled_shine_like_those_that_are_hit(de
     camera = Camera.look_at((0.3, 1.3, 2.6), (0, 0.5, 0), fov=60)
     settings = {"camera": camera, "device": device, "max_depth": 1, "seeds": 16, "environment": sky(1e-3)}
     sampled = pictures(*shapes, spp=64, **settings)
-    found = pictures(*shapes, spp=256, first_seed=500, change=all_but_the_sun, **settings)
+    found = pictures(*shapes, spp=256, first_seed=500, change=without_light_sampling, **settings)
     assert_same(sampled, found)
-
-
-def all_but_the_sun(packed):
-    """Without light sampling; the faint sun, which no ray can hit, goes on."""
-    from lumipath.pack import layout
-
-    kinds = packed.lights.view(np.int32)[:, 3]
-    delta = kinds == layout.DIRECTIONAL_LIGHT
-    lights = packed.lights.copy()
-    lights.view(np.int32)[delta, 3] = layout.ENVIRONMENT_LIGHT
-    made = without_light_sampling(packed._replace(lights=lights))
-    made.lights.view(np.int32)[delta, 3] = layout.DIRECTIONAL_LIGHT
-    return made
 
 
 def test_a_one_sided_material_is_not_there_from_behind(device):

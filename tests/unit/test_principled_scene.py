@@ -101,11 +101,15 @@ class TestLobes:
         pane = Principled(base_color=red, transmission=1.0, thin=True).as_lobes()
         assert (pane.transmissive, pane.index, pane.diffuse) == ((1.0, 1.0, 1.0), 1.0, (0.0, 0.0, 0.0))
 
-    def test_half_of_a_milk_glass_is_seen_through(self):
-        milk = Principled(base_color=0.8, transmission=0.5)
-        packed = pack_scene(Scene(shapes=[Sphere(material=milk)])).scene
-        assert packed.materials[0, layout.REFRACTION + 1] == 0.5
-        np.testing.assert_allclose(packed.materials[0, layout.DIFFUSE : layout.DIFFUSE + 3], 0.4, rtol=1e-6)
+    @pytest.mark.parametrize(("transmission", "kind"), [(0.4, layout.VEILED_BODY), (0.6, layout.BODY)])
+    def test_what_is_mostly_matt_lets_light_through_for_paths_only(self, transmission, kind):
+        milk = Principled(base_color=0.8, transmission=transmission, ior=1.4)
+        assert kind_of_inside(transmission=transmission) == kind
+        assert features(transmission=transmission) & layout.DIELECTRICS
+        lobes = milk.as_lobes()
+        # Lobes of both kinds count in full.
+        assert lobes.is_dielectric == (transmission > 0.5)
+        assert lobes.diffuse == pytest.approx((0.0,) * 3 if lobes.is_dielectric else (0.8,) * 3)
 
     def test_textures_stay(self):
         assert Principled(base_color=GREY).as_lobes().diffuse is GREY

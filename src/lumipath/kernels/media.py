@@ -9,7 +9,17 @@ that were passed without being there. So -1 is outside in both.
 from __future__ import annotations
 
 from ..lang import Vec3, as_int, f32, i32, inverse, kernel, load4
-from ..pack.layout import BODY, DIELECTRICS, EXTINCTION, MATERIAL_SIZE, MEDIUM_SIZE, NESTED, NO_PRIORITY, REFRACTION
+from ..pack.layout import (
+    BODY,
+    DIELECTRICS,
+    EXTINCTION,
+    MATERIAL_SIZE,
+    MEDIUM_SIZE,
+    NESTED,
+    NO_PRIORITY,
+    REFRACTION,
+    SHEET,
+)
 from .functions import exp_minus
 from .vectors import white, xyz
 
@@ -133,8 +143,8 @@ def never_dielectric(scene, material):
 
 @kernel(needs=DIELECTRICS, otherwise=never_dielectric)
 def is_dielectric(scene, material):
-    """Whether light goes through this material."""
-    return load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3] > 0.0
+    """Whether the lobes of this material let light through."""
+    return load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3] >= BODY
 
 
 @kernel
@@ -146,7 +156,8 @@ def never_inside(scene, material):
 @kernel(needs=DIELECTRICS, otherwise=never_inside)
 def has_inside(scene, material):
     """Whether light that goes through this material comes into another medium; a sheet has none."""
-    return load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3] == BODY
+    kind = load4(scene.materials, material * MATERIAL_SIZE + EXTINCTION)[3]
+    return (kind > 0.0) & (kind < SHEET)
 
 
 @kernel

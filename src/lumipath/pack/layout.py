@@ -90,6 +90,7 @@ SIGNED_FILTER = 1 << 46
 MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 """Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
+PRINCIPLED_PARTS = CLEARCOAT | SHEEN | IRIDESCENCE | TRANSMISSION | SPECULAR
 DELTA_LIGHTS = POINT_LIGHTS | SPOT_LIGHTS | DIRECTIONAL_LIGHTS | SUNS
 """What Whitted ray tracing takes for points and directions."""
 ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | DELTA_LIGHTS | ENVIRONMENT
@@ -123,10 +124,11 @@ MATERIAL_SIZE = i32(28)
 DIFFUSE = i32(0)  # albedo rgb
 EMISSION = i32(4)  # radiance rgb
 MIRROR = i32(8)  # weight rgb
-EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is BODY or SHEET for a dielectric, else 0
+EXTINCTION = i32(12)  # of the inside, 1/m, rgb; the fourth float is 0 where no light goes through, or
 REFLECTION_TINT = i32(16)  # of Fresnel reflection, rgb
 INTERNAL_TINT = i32(20)  # of total internal reflection, rgb
 REFRACTION = i32(24)  # index of refraction, mean transmissive weight, with NESTED its medium as bits, unused
+VEILED_BODY = f32(0.5)  # as BODY, but so little light goes through that only paths take notice
 BODY = f32(1)  # light goes through it into an inside
 SHEET = f32(2)  # light goes through it and comes out again
 

@@ -62,16 +62,17 @@ class MaterialTable:
         table = np.zeros((len(self.materials), int(layout.MATERIAL_SIZE)), np.float32)
         for row, material, appearance in zip(table, self.lobes(), self.materials):
             self._write_row(row, material)
-            if isinstance(appearance, Appearance) and material.is_dielectric:
-                self._write_inside(row, appearance)
+            if isinstance(appearance, Appearance):
+                self._write_inside(row, appearance, material.is_dielectric)
         return table
 
-    def _write_inside(self, row: NDArray[np.float32], material: Appearance) -> None:
-        inside = material.inside
-        row[layout.REFRACTION + 1] = material.transmitted_share
-        row[layout.EXTINCTION + 3] = layout.SHEET if inside is None else layout.BODY
-        if inside is not None:
-            row[layout.EXTINCTION : layout.EXTINCTION + 3] = inside.extinction
+    def _write_inside(self, row: NDArray[np.float32], material: Appearance, is_glass: bool) -> None:
+        if is_glass:
+            row[layout.REFRACTION + 1] = 1.0
+            row[layout.EXTINCTION + 3] = layout.SHEET
+        if material.inside is not None:
+            row[layout.EXTINCTION : layout.EXTINCTION + 3] = material.inside.extinction
+            row[layout.EXTINCTION + 3] = layout.BODY if is_glass else layout.VEILED_BODY
 
     def media(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
         """(D, 8) float32: the media of dielectrics, where any has a priority; their numbers are written into `rows`.
@@ -85,7 +86,7 @@ class MaterialTable:
         found: dict[tuple[float, ...], int] = {}
         for row, material in zip(rows, self.materials):
             number = -1
-            if row[layout.EXTINCTION + 3] == layout.BODY and not isinstance(material, Mix):
+            if 0 < row[layout.EXTINCTION + 3] < layout.SHEET and not isinstance(material, Mix):
                 priority = getattr(material, "priority", None)
                 extinction = row[layout.EXTINCTION : layout.EXTINCTION + 3].tolist()
                 medium = (*extinction, _FIRST if priority is None else priority, float(row[layout.REFRACTION]), 0, 0, 0)
@@ -160,6 +161,8 @@ class MaterialTable:
     def features(self) -> int:
         """Feature bits of the materials; call after all rows."""
         mask = layout.TEXTURES if len(self.textures) else 0
+        if any(isinstance(material, Appearance) and material.inside for material in self.materials):
+            mask |= layout.DIELECTRICS
         for material in self.lobes():
             if material.is_dielectric:
                 mask |= layout.DIELECTRICS

@@ -174,6 +174,8 @@ _INTEGRATORS = {
 
 # What chooses a light and a point on it.
 _ONLY_FOR_LIGHT = layout.ANY_LIGHT | layout.MANY_LIGHTS | layout.LIGHT_TREE | layout.ROUND_LIGHTS
+# Only paths carry several media and ask BSDFs; all else sees sums of lobes.
+_OF_PATHS = layout.NESTED | layout.BSDFS | layout.PRINCIPLED_PARTS
 
 
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
@@ -181,8 +183,8 @@ def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
     surfaces_only = scene & ~_ONLY_FOR_LIGHT | scene & (layout.ENVIRONMENT | layout.SUNS)
     # Means over the positive part of a filter only: no albedo beyond 1, no depth by a division by almost 0.
     mask = surfaces_only | layout.LAYERS | camera_features(settings, camera, signed=False)
-    # Only paths carry several media.
-    mask &= ~layout.NESTED
+    # What is rough is not looked through; whatever kind it is of.
+    mask = mask & ~_OF_PATHS | (layout.CONDUCTORS if mask & layout.MICROFACETS else 0)
     return mask | (layout.SCHLICK_FRESNEL if settings.fresnel == "schlick" else 0)
 
 
@@ -210,8 +212,7 @@ def film_layers(settings: RenderSettings, scene: Scene) -> tuple[str, ...]:
 def image_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of a render of a scene whose own bits are `scene`."""
     mask = scene | settings_features(settings, camera)
-    # Only paths carry several media.
-    return mask & ~layout.NESTED if mask & layout.PIXEL_INTEGRATORS else mask
+    return mask & ~_OF_PATHS if mask & layout.PIXEL_INTEGRATORS else mask
 
 
 def settings_features(settings: RenderSettings, camera: Camera) -> int:

@@ -143,11 +143,6 @@ class Appearance:
         """What light that goes through comes into; None for surfaces that enclose no other medium."""
         return None
 
-    @property
-    def transmitted_share(self) -> float:
-        """Mean share of the surface that light goes through, where it goes through at all."""
-        return 1.0
-
     def as_lobes(self) -> Material:
         """The sum-of-lobes material nearest to this one: what Whitted ray tracing and looks at albedo see."""
         raise NotImplementedError

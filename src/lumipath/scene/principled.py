@@ -107,24 +107,19 @@ class Principled(Appearance):
             return None
         return Inside(self.ior, absorption_of(self.attenuation_color, self.attenuation_distance))
 
-    @property
-    def transmitted_share(self) -> float:
-        """Mean share of the surface that light goes through."""
-        return _mean(self.transmission) * (1 - _mean(self.metallic))
-
     def as_lobes(self) -> Material:
         """A metal as a mirror if it is smooth; glass as clear glass; anything else as a Lambert lobe."""
         metallic = _mean(self.metallic)
-        polished = _mean(self.roughness) < _MIRROR_ROUGHNESS
-        through = self.transmitted_share
-        matt = (1 - metallic if polished else 1.0) - through
         inside = self.inside
-        # Whatever share goes through, it is this colour; a thin wall is hardly there.
-        left = left_after_a_metre(inside) if inside else WHITE
+        # Lobes of glass and matt lobes each count in full: there is one or the other.
+        is_glass = _mean(self.transmission) * (1 - metallic) >= 0.5
+        mirrored = metallic if _mean(self.roughness) < _MIRROR_ROUGHNESS and not is_glass else 0.0
+        through = left_after_a_metre(inside) if inside else WHITE
         return Material(
-            diffuse=_scaled(self.base_color, max(matt, 0.0)),
-            specular=_scaled(self.base_color, metallic) if polished and metallic > 0 and not through > 0 else None,
-            transmissive=left if through > 0 else BLACK,
+            diffuse=BLACK if is_glass else _scaled(self.base_color, 1 - mirrored),
+            specular=_scaled(self.base_color, mirrored) if mirrored > 0 else None,
+            transmissive=through if is_glass else BLACK,
+            # A thin wall is hardly there.
             index=inside.ior if inside else 1.0,
             emission=self.emission,
             name=self.name,
