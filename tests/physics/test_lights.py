@@ -37,7 +37,7 @@ FAINT = [
     DirectionalLight(direction=(0, 1, 0), colour=1e-9),
     DirectionalLight(direction=(0, 1, 0), colour=1e-9, angle=1),
 ]
-DARK = Environment.constant(1e-9)
+DARK = Environment.constant(1e-18)
 
 
 def from_above(*lights, environment=DARK):
@@ -214,7 +214,7 @@ def test_the_tree_chooses_among_all_that_there_may_be_as_the_table_does(device):
         *lamps(),
         Sphere(transform=moved(-0.3, 0.25, 0.8) @ scaled(0.25), material=Material(transmissive=0.9, index=1.5)),
         Sphere(transform=moved(0.1, 0.2, 1.1) @ scaled(0.2), material=Material(specular=0.8, diffuse=0.1)),
-        Sphere(transform=moved(-0.7, 0.15, 0.9) @ scaled(0.15), material=Dielectric(index=1.4, roughness=0.4)),
+        Sphere(transform=moved(-0.7, 0.15, 0.9) @ scaled(0.15), material=Dielectric(ior=1.4, roughness=0.4)),
         *(Instance(leaf, transform=moved(x, 1.2, -0.5) @ scaled(0.2)) for x in (-0.6, 0.1, 0.7)),
         # One that shines stands alone, and is in the tree of lights.
         Instance(leaf, transform=moved(-0.9, 0.2, 0.3) @ scaled(0.1), material=GLOW),

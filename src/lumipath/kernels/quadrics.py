@@ -154,13 +154,18 @@ def quadric_distance(quadrics, index, o, d, tmax):
     return quadric_distance_beyond(quadrics, index, o, d, f32(0.0), tmax)
 
 
+# A point this far outside of a quadric, relative to its size, may be one of its own surface that is lit from inside.
+_THICKNESS = f32(1e-3)
+
+
 @kernel
 def is_inside(q, p):
-    """Whether a point of object space is inside of a closed quadric."""
+    """Whether a point of object space is inside of a closed quadric, or on its surface up to rounding."""
     if q.kind == SPHERE:
-        return dot(p, p) < 1.0
-    radius = q.bottom + (q.top - q.bottom) / q.height * p.z
-    return (p.z > 0.0) & (p.z < q.height) & (p.x * p.x + p.y * p.y < radius * radius)
+        return dot(p, p) < (1.0 + _THICKNESS) * (1.0 + _THICKNESS)
+    off = max(q.height, max(q.bottom, q.top)) * _THICKNESS
+    radius = q.bottom + (q.top - q.bottom) / q.height * p.z + off
+    return (p.z > -off) & (p.z < q.height + off) & (p.x * p.x + p.y * p.y < radius * radius)
 
 
 @kernel
@@ -260,11 +265,10 @@ def always_by_area(scene, q, o):
 @kernel(needs=ROUND_LIGHTS, otherwise=always_by_area)
 def seen_gain(scene, q, o):
     """`Drawn.gain` for a point o in object space."""
-    distance2 = dot(o, o)
-    if (q.kind != SPHERE) | (q.bottom == 0.0) | (not distance2 > 1.0):
+    if (q.kind != SPHERE) | (q.bottom == 0.0) | is_inside(q, o):
         return f32(0.0)
     # The cone has the solid angle 2 pi (1 - cosine), the sphere the area 4 pi.
-    return 2.0 / one_minus_cosine(1.0 / distance2)
+    return 2.0 / one_minus_cosine(1.0 / dot(o, o))
 
 
 @kernel
