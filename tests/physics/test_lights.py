@@ -197,14 +197,17 @@ def test_many_lamps_that_are_sampled_shine_like_lamps_that_are_hit(device, sampl
 
 def test_the_tree_chooses_among_all_that_there_may_be_as_the_table_does(device):
     rng = np.random.default_rng(2)
+
+    def places(count):
+        # Away from surfaces, next to which the light of a point has no bound.
+        return rng.uniform((-1, 1.6, -0.5), (1, 2.2, 1), (count, 3))
+
     lights = [
-        *(PointLight(position=p, intensity=0.02) for p in rng.random((40, 3)) * (2, 2, 2) - (1, 0, 1)),
-        *(PointLight(position=p, colour=0.01) for p in rng.random((10, 3)) * (2, 2, 2) - (1, 0, 1)),
+        *(PointLight(position=p, intensity=0.02) for p in places(40)),
+        *(PointLight(position=p, colour=0.01) for p in places(10)),
         *(
             SpotLight(position=p, direction=d, intensity=0.1, inner_angle=5, outer_angle=a)
-            for p, d, a in zip(
-                rng.random((40, 3)) * (2, 2, 2) - (1, 0, 1), rng.normal(size=(40, 3)), rng.uniform(10, 170, 40)
-            )
+            for p, d, a in zip(places(40), rng.normal(size=(40, 3)), rng.uniform(10, 170, 40))
         ),
         DirectionalLight(direction=(-0.4, -1, -0.6), colour=0.3),
     ]
