@@ -28,7 +28,9 @@ def assert_alike(image, reference, differing=0.01):
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("scene", ["primitives", "textures", "cornell-box-glass", "lights", "knot40k", "forest"])
+@pytest.mark.parametrize(
+    "scene", ["primitives", "textures", "cornell-box-glass", "lights", "knot40k", "forest", "many-lamps"]
+)
 def test_scenes(gpu, scene, kernel):
     image = render(builtin(scene), device=gpu, kernel=kernel, width=96, spp=16)
     assert_alike(image, on_cpu(scene, width=96, spp=16), differing=0.02)
