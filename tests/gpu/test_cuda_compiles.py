@@ -245,7 +245,7 @@ def test_layers_of_light_have_a_kernel_of_their_own_and_others_the_megakernel():
 
 @pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
 def test_layers_of_light_compile_within_bounds(capability):
-    signature = arguments("primitives", wide=True, aov=EVERY_LAYER, noise=0.1)
+    signature = arguments("primitives", wide=True, lights=EVERY_LIGHT, aov=EVERY_LAYER, noise=0.1)
     registers, stack = resources(compile_paths(signature, capability, STACK).report)
     assert registers <= 168
     assert stack == 4 * STACK
@@ -255,7 +255,8 @@ def test_layers_of_light_compile_within_bounds(capability):
 def test_layers_of_light_need_no_double_precision_and_no_calls(aov):
     from lumipath.devices.cuda.paths import make_paths
 
-    ptx = compile_ptx(make_paths(STACK), (*arguments("textures", wide=False, aov=aov), WORK_TYPE), (9, 0))
+    signature = arguments("textures", wide=False, lights=EVERY_LIGHT, aov=aov)
+    ptx = compile_ptx(make_paths(STACK), (*signature, WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from judging import assert_same
-from parts import floor, hidden, moved, quad, scaled, sky, sphere_mesh, turned
+from parts import HIDDEN, floor, hidden, moved, quad, scaled, sky, sphere_mesh, turned
 from renders import renders, without_light_sampling
 
 from lumipath.pack.sky import sky_image, sun_colour
@@ -186,9 +186,26 @@ def lamps():
     ]
 
 
+def with_all_kinds(scene):
+    """The scene with some of all lights and some materials, far below and faint: such scenes share their kernels."""
+    small = HIDDEN @ scaled(0.01)
+    twice = Sphere(material=Conductor(roughness=0.3))
+    hidden_away = [
+        *hidden("quadric lamp", "one-sided", "mirror", "glass"),
+        Sphere(transform=small, material=Dielectric(roughness=0.4)),
+        *(Instance(twice, transform=small) for _ in range(2)),
+    ]
+    return Scene(
+        shapes=[*scene.shapes, *hidden_away],
+        lights=[*scene.lights, *FAINT, PointLight(position=HIDDEN[:3, 3], colour=1e-9)],
+        environment=scene.environment or DARK,
+        cameras=scene.cameras,
+    )
+
+
 @pytest.mark.parametrize("sampling", ["tree", "power", "uniform"])
 def test_many_lamps_that_are_sampled_shine_like_lamps_that_are_hit(device, sampling):
-    scene = corner(*lamps(), environment=sky(0.05))
+    scene = with_all_kinds(corner(*lamps(), environment=sky(0.05)))
     settings = {"width": 24, "max_depth": 3, "seeds": 16, "light_sampling": sampling, "device": device}
     sampled = renders(scene, spp=64, **settings)
     found = renders(scene, spp=512, first_seed=500, change=without_light_sampling, **settings)
@@ -222,7 +239,7 @@ def test_the_tree_chooses_among_all_that_there_may_be_as_the_table_does(device):
         # One that shines stands alone, and is in the tree of lights.
         Instance(leaf, transform=moved(-0.9, 0.2, 0.3) @ scaled(0.1), material=GLOW),
     ]
-    scene = corner(*shapes, lights=lights, environment=Environment.constant(0.05))
+    scene = with_all_kinds(corner(*shapes, lights=lights, environment=Environment.constant(0.05)))
     settings = {"width": 24, "max_depth": 5, "seeds": 16, "spp": 128, "device": device}
     tree = renders(scene, light_sampling="tree", **settings)
     assert_same(tree, renders(scene, first_seed=300, light_sampling="power", **settings))
@@ -239,9 +256,7 @@ def test_a_tree_makes_far_less_noise_than_a_uniform_choice_among_scattered_lamps
         for k in range(8)
     ]
     camera = Camera(position=(0, 6, 0), direction=(0, -1, 0), up=(0, 0, -1), fov=40)
-    # With the kernels of the lamps above.
-    shapes += [floor(10, material=WHITE), *hidden("quadric lamp", "one-sided")]
-    scene = Scene(shapes=shapes, cameras=[camera], environment=DARK)
+    scene = with_all_kinds(Scene(shapes=[floor(10, material=WHITE), *shapes], cameras=[camera]))
     settings = {"width": 32, "spp": 16, "seeds": 8, "max_depth": 1, "device": device}
     lamps_seen = renders(scene, **(settings | {"max_depth": 0, "spp": 64})).max(axis=(0, 3)) > 0
     variance = {
