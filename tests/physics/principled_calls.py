@@ -63,6 +63,7 @@ KINDS = {
     "glass": {"transmission": 1.0},
     "wall": {"transmission": 1.0, "thin": True},
     "lacquer": {"clearcoat": 1.0, "clearcoat_roughness": 0.3},
+    "varnish": {"clearcoat": 1.0},
     "velvet": {"sheen_color": 1.0, "sheen_roughness": 0.5},
 }
 WHITE = {

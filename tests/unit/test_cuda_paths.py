@@ -52,9 +52,9 @@ session.run()
 packed, view = pack_scene(scene), pack_view(scene.camera(), settings)
 geometry = packed.geometry
 trees = build_trees(*geometry.bounds(), geometry.instancing, max_leaf=MAX_LEAF, block=1)
-accel, _, _ = gpu_tree(trees, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=False)
+accel, roots, _ = gpu_tree(trees, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid(), wide=False)
 mask = packed.scene.features.mask | settings_features(settings, scene.camera())
-on_gpu = packed.scene._replace(accel=accel, features=Features(mask))
+on_gpu = packed.with_tree(accel, roots)._replace(features=Features(mask))
 
 # Two planes of sums, each with half of the samples, as for small pictures.
 film = Film(WIDTH, 2 * HEIGHT, layer_names=film_layers(settings, scene))

@@ -7,7 +7,7 @@ KHR_materials_sheen).
 
 from __future__ import annotations
 
-from ...lang import INV_PI, Vec3, f32, inverse, kernel, struct
+from ...lang import INV_PI, Vec3, f32, inverse, kernel, sqrt, struct
 from ...pack.layout import (
     BSDF_CLEARCOAT,
     BSDF_CLEARCOAT_ROUGHNESS,
@@ -99,6 +99,36 @@ def no_coat_albedo(scene, coat, mu):
 def coat_albedo(scene, coat, mu):
     """What a coat reflects of light at the cosine mu."""
     return coat.weight * directional(facet_albedo(scene, mu, coat.alpha_x, coat.alpha_x), _COAT_F0, 1.0)
+
+
+@kernel
+def covered_once(scene, coat, alpha, rise, left):
+    """A scene without coats."""
+    return f32(1.0)
+
+
+@kernel(needs=CLEARCOAT, otherwise=covered_once)
+def covered_twice(scene, coat, alpha, rise, left):
+    """What a matt base is divided by, since coat and facets keep the same light from it, that which grazes.
+
+    A product of two factors, each of which has the mean 1 over the hemisphere, has a mean above that by their
+    covariance.
+
+    Args:
+        scene: PackedScene.
+        coat: that lies over the facets.
+        alpha: of the facets.
+        rise: of their reflectance from face to face to the edge.
+        left: what they leave of light on average.
+    """
+    both = coat.weight * albedo_spread(coat.alpha_x, 1.0 - _COAT_F0) * albedo_spread(alpha, max(rise, 0.0))
+    return 1.0 + both / ((1.0 - coat.mean) * left)
+
+
+@kernel
+def albedo_spread(alpha, rise):
+    """Standard deviation of the albedo of facets over the hemisphere: of smooth ones sqrt(1/66 - 1/441), else a fit."""
+    return 0.1136 * rise / (1.0 + 14.0 * alpha * sqrt(sqrt(alpha)))
 
 
 @kernel

@@ -7,7 +7,7 @@ estimated part of the light, and weighed against what all others would have done
 
 from __future__ import annotations
 
-from ...lang import Vec3, f32, inverse, kernel, struct
+from ...lang import Vec3, f32, inverse, kernel, sqrt, struct
 from ...pack.layout import (
     ANISOTROPY,
     BSDF_ANISOTROPY,
@@ -27,7 +27,7 @@ from ..energy import LEAST_ALPHA, compensation, directional, facet_albedo, hemis
 from ..microfacet import ggx_visible_normal, reflected, regularized, visible_weight
 from ..vectors import between, black, dot, luminance, max_component, normalize, white
 from ..warps import cosine_hemisphere, cosine_hemisphere_pdf, uniform_hemisphere, uniform_hemisphere_pdf
-from .coats import Coat, Sheen, coat_at, coat_reflectance, cover, eval_coat, eval_sheen, sheen_at
+from .coats import Coat, Sheen, coat_at, coat_reflectance, cover, covered_twice, eval_coat, eval_sheen, sheen_at
 from .conductor import is_smooth, reflection_density
 from .interface import (
     Interface,
@@ -160,11 +160,13 @@ def principled_at(scene, s, q):
     # What facets leave of light for the matt base: exact for it as it scatters evenly (Kelemen and Szirmay-Kalos 2001).
     bare0 = max_component(bare_f0)
     bare90 = bare.f90.x
+    coat = coat_at(scene, s, q)
     left = 1.0 - directional(seen, bare0, bare90)
-    matt = base * (opaque * left * inverse(1.0 - hemispherical(seen, bare0, bare90)))
+    left_on_average = 1.0 - hemispherical(seen, bare0, bare90)
+    shared = covered_twice(scene, coat, sqrt(alpha_x * alpha_y), bare90 - bare0, left_on_average)
+    matt = base * (opaque * left * inverse(left_on_average * shared))
 
     # Each lobe's part of white light from everywhere that goes to the viewer.
-    coat = coat_at(scene, s, q)
     sheen = sheen_at(scene, s, wo)
     woven = min(sheen.facing, 1.0)
     below = (1.0 - coat.facing) * (1.0 - sheen.share * woven)
