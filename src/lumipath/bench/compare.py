@@ -12,9 +12,7 @@ from contextlib import ExitStack, closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import attrs
-import numpy as np
 from attrs import define, field, frozen
-from numpy.typing import NDArray
 
 from .. import __version__
 from ..errors import UsageError
@@ -22,6 +20,9 @@ from .figure1 import describe_machine
 from .throughput import BENCH_SETTINGS
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ..scene import Scene
     from ..settings import RenderSettings
     from .peers.process import Renderer
@@ -189,6 +190,8 @@ def _opened(
 
 def _speeds(result: Result, renderers: dict[str, Renderer], settings: RenderSettings, rounds: int) -> Iterator[Step]:
     """Fill in paths per second and means."""
+    import numpy as np
+
     spp = settings.sample_limit
     for standing, renderer in zip(result.standings, renderers.values()):
         yield Step(f"{result.scene}: warming {standing.renderer} up")
@@ -213,6 +216,8 @@ def _errors(
     reference_spp: int,
 ) -> Iterator[Step]:
     """Fill in errors, against a long render with numbers that no other render has."""
+    import numpy as np
+
     yield Step(f"{result.scene}: reference of {reference_spp} samples per pixel")
     reference, _ = renderers["lumipath"].render(reference_spp, _REFERENCE_SEED)
     lit = _sees_no_lamp(scene, settings, device)
