@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..accel.packets import SORT_KEYS, Order, Rays, trace_rays
 from ..accel.trace8 import primitive_of
 from ..kernels.adaptive import add_square, goal_of, square_of
+from ..kernels.emitted_layers import emitted_to_layers
 from ..kernels.light_layers import all_columns, light_columns, squares_to_layer, to_layers
 from ..kernels.path import Path, shade, start_path
 from ..kernels.rays import Hit, Ray
@@ -254,7 +255,7 @@ def shade_batch(scene, view, batch, n, depth):
         sample = load(batch.samples, STRIDE + i)
         step = shade(scene, view, path, hit, numbers, pixel, sample)
         add_light(batch.gathered, owner, step.emitted)
-        to_layers(scene, put_in_batch, batch, owner, depth, step.emitter, step.emitted)
+        emitted_to_layers(scene, put_in_batch, batch, owner, depth, hit.primitive < 0, step, step.emitted)
         # Written in any case and kept only if there is one: a branch could not be predicted.
         store_ray(batch.shadows, shadows, step.shadow)
         store_vec3(light.red, light.green, light.blue, shadows, step.direct)
