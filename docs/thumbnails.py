@@ -24,6 +24,7 @@ MORE_SAMPLES = {
     "knot40k": 4096,
     "lights": 4096,
     "many-lobes": 4096,
+    "many-lamps": 4096,
 }
 BOXES = ("cornell-box", "cornell-box-glass", "cornell-box-specular", "cornell-box-transmissive", "knot40k")
 EXPOSURE = {**dict.fromkeys(BOXES, 1.0), "forest": 0.3}

@@ -18,6 +18,7 @@ INTEGRATORS = ("path", "whitted", "albedo", "normal", "depth", "ao")
 SAMPLERS = ("sobol", "independent")
 HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
+LIGHT_SAMPLINGS = ("auto", "uniform", "power", "tree")
 PROJECTIONS = ("perspective", "orthographic", "panorama", "fisheye", "fisheye-equisolid")
 """The projections of `lumipath.Camera`."""
 FILTER_RADII = {"box": 0.5, "gaussian": 1.5, "blackman-harris": 1.5, "mitchell": 2.0}
@@ -181,6 +182,13 @@ class RenderSettings:
     sampler: str = _option("sobol", "Random numbers.", _choice(SAMPLERS), choices=SAMPLERS)
     hemisphere: str = _option(
         "cosine", "How diffuse surfaces draw directions.", _choice(HEMISPHERES), choices=HEMISPHERES
+    )
+    light_sampling: str = _option(
+        "auto",
+        "How one light among many is chosen: all alike, by power, or by a tree that knows what is near; "
+        "auto is tree where there are many.",
+        _choice(LIGHT_SAMPLINGS),
+        choices=LIGHT_SAMPLINGS,
     )
     fresnel: str = _option("exact", "Reflectance of smooth dielectrics.", _choice(FRESNELS), choices=FRESNELS)
     rr_depth: int | None = _option(

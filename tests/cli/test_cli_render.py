@@ -136,6 +136,10 @@ class TestSettings:
             (("--tonemap", "film"), "tonemap is 'film': it must be one of none, linear, agx, aces, reinhard"),
             (("--progress", "dots"), "--progress is 'dots': it must be one of auto, bar, json, none"),
             (("-c", "a.png", "--environment", "b.exr"), "give one of them"),
+            (("--environment", "sky:elevation=low"), "'elevation=low' must be a number"),
+            (("--environment", "sky:height=3"), "'height=3' is none of elevation=NUMBER"),
+            (("--environment", "sky:turbidity=20"), "sky: turbidity is 20.0: it must be a number from 1 to 10"),
+            (("--light-sampling", "best"), "one of auto, uniform, power, tree"),
             (("--nope",), "No such option: --nope"),
             (("-s",), "'-s' requires an argument"),
             (("one", "two"), "unexpected extra argument"),
@@ -159,6 +163,15 @@ class TestScene:
         assert code == 3
         assert message in err
         assert err.count("\n") == 1
+
+    def test_a_sky_by_its_fields(self, lumipath, fake):
+        arguments = ("--environment", "sky:elevation=12,turbidity=4,albedo=0.1,sun=off,scale=2")
+        assert lumipath("render", "bench-cornell", *arguments)[0] == 0
+        sky = fake[0].scene.environment
+        assert (sky.elevation, sky.turbidity, sky.sun, sky.scale) == (12, 4, False, 2)
+        assert sky.albedo == pytest.approx((0.1,) * 3)
+        assert lumipath("render", "bench-cornell", "--environment", "sky")[0] == 0
+        assert fake[-1].scene.environment.elevation == 45
 
     def test_missing_environment(self, lumipath, fake):
         code, _, err = lumipath("render", "--environment", "missing.exr")

@@ -40,6 +40,7 @@ from lumipath.scene import (
     Principled,
     Scene,
     Sphere,
+    SpotLight,
     Texture,
     ThinDielectric,
 )
@@ -55,7 +56,7 @@ def arguments(name, *, wide, lights=(), **settings):
     """Argument types of the kernels for a scene, or a built-in one, with further lights."""
     scene = builtin(name) if isinstance(name, str) else name
     scene.lights += lights
-    packed = pack_scene(scene)
+    packed = pack_scene(scene, light_sampling=settings.get("light_sampling", "auto"))
     geometry = packed.geometry
     trees = build_trees(*geometry.bounds(), geometry.instancing, max_leaf=MAX_LEAF, block=1)
     sides, solid = geometry.two_sided, geometry.solid()
@@ -184,6 +185,9 @@ LOOKS = ("albedo", "normal", "depth", "ao")
 LIGHTS = [PointLight(position=(0, 1, 0)), DirectionalLight()]
 
 
+EVERY_LIGHT = [*LIGHTS, SpotLight(position=(0, 1, 0)), DirectionalLight(angle=1)]
+
+
 @pytest.mark.parametrize("integrator", LOOKS)
 def test_quick_looks_compile_within_bounds_and_spill_nothing(integrator):
     signature = arguments("primitives", wide=True, integrator=integrator)
@@ -194,7 +198,7 @@ def test_quick_looks_compile_within_bounds_and_spill_nothing(integrator):
 
 @pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
 def test_whitted_ray_tracing_compiles_within_bounds(capability):
-    signature = arguments("glass", wide=True, lights=LIGHTS, integrator="whitted")
+    signature = arguments("glass", wide=True, lights=EVERY_LIGHT, integrator="whitted")
     registers, stack = resources(compile_pixels(signature, capability, STACK).report)
     assert registers <= 168
     # One traversal stack for rays of both kinds, and 32 waiting rays of 11 numbers.
@@ -241,7 +245,7 @@ def test_layers_of_light_have_a_kernel_of_their_own_and_others_the_megakernel():
 
 @pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
 def test_layers_of_light_compile_within_bounds(capability):
-    signature = arguments("primitives", wide=True, aov=EVERY_LAYER, noise=0.1)
+    signature = arguments("primitives", wide=True, lights=EVERY_LIGHT, aov=EVERY_LAYER, noise=0.1)
     registers, stack = resources(compile_paths(signature, capability, STACK).report)
     assert registers <= 168
     assert stack == 4 * STACK
@@ -251,7 +255,8 @@ def test_layers_of_light_compile_within_bounds(capability):
 def test_layers_of_light_need_no_double_precision_and_no_calls(aov):
     from lumipath.devices.cuda.paths import make_paths
 
-    ptx = compile_ptx(make_paths(STACK), (*arguments("textures", wide=False, aov=aov), WORK_TYPE), (9, 0))
+    signature = arguments("textures", wide=False, lights=EVERY_LIGHT, aov=aov)
+    ptx = compile_ptx(make_paths(STACK), (*signature, WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)
     assert not re.search(r"\.f64\s", body)
@@ -291,6 +296,16 @@ def test_kernels_for_another_stack_are_other_kernels():
     assert deep - shallow == 4 * 3 * STACK
 
 
+@pytest.mark.parametrize("light_sampling", ["tree", "power"])
+def test_lights_of_every_kind_compile_within_bounds(light_sampling):
+    made = compile_megakernel(
+        arguments("many-lamps", wide=True, lights=EVERY_LIGHT, light_sampling=light_sampling), (9, 0), STACK
+    )
+    registers, stack = resources(made.report)
+    assert registers <= 64
+    assert stack <= 4 * STACK + 256
+
+
 @pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "forest"])
 def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
     from lumipath.devices.cuda.megakernel import make_vote
@@ -315,14 +330,16 @@ def every_surface():
     )
     glass = Dielectric(roughness=0.5, priority=1)
     shapes = [coloured, Mesh(**mesh, material=lamp), Sphere(material=mix), Sphere(material=lamp)]
-    shapes += [Sphere(material=material) for material in (principled, glass, ThinDielectric())]
+    round_lamp = Diffuse(emission=1.0)
+    shapes += [Sphere(material=material) for material in (principled, glass, ThinDielectric(), round_lamp)]
     return Scene(shapes=[*shapes, *(Instance(coloured, transform=np.diag([s, s, s, 1])) for s in (1.0, 2.0))])
 
 
-def test_kernels_of_all_surfaces_compute_in_single_precision_and_call_nothing():
+def test_kernels_of_all_surfaces_and_lights_compute_in_single_precision_and_call_nothing():
     from lumipath.devices.cuda.megakernel import make_vote
 
-    signature = arguments(every_surface(), wide=True, lights=LIGHTS, clamp_indirect=1.0, regularize=True)
+    settings = {"light_sampling": "tree", "clamp_indirect": 1.0, "regularize": True}
+    signature = arguments(every_surface(), wide=True, lights=EVERY_LIGHT, **settings)
     ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*signature, WORK_TYPE), (9, 0))
     body = ptx[ptx.index(".entry") :]
     assert re.search(r"\.f32\s", body)

@@ -27,11 +27,11 @@ def assert_alike(image, reference, differing=0.01):
     np.testing.assert_allclose(image.mean(axis=(0, 1)), reference.mean(axis=(0, 1)), rtol=5e-3)
 
 
+_SCENES = ("primitives", "textures", "cornell-box-glass", "lights", "knot40k", "forest")
+
+
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize(
-    "scene",
-    ["primitives", "textures", "cornell-box-glass", "lights", "knot40k", "forest", "materials", "glass-of-water"],
-)
+@pytest.mark.parametrize("scene", [*_SCENES, "materials", "glass-of-water", "many-lamps"])
 def test_scenes(gpu, scene, kernel):
     image = render(builtin(scene), device=gpu, kernel=kernel, width=96, spp=16)
     assert_alike(image, on_cpu(scene, width=96, spp=16), differing=0.02)

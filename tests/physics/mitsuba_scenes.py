@@ -4,7 +4,9 @@ Differences that are accounted for here:
 - Mitsuba's max_depth is one more than ours.
 - Its lamps shine, and its diffuse surfaces reflect, on one side only: `twosided` where ours have two.
 - Its directional light is given by irradiance and its point light by intensity; ours by the radiance of a white
-  surface, which is a pi-th of the irradiance.
+  surface, which is a pi-th of the irradiance. Intensities, of our points and spots too, are the same.
+- Its spot falls off linearly in the angle, ours by cosines, so only sharp edges agree; and its beam width must be less
+  than its cutoff.
 - Its texture coordinates count from the top of an image, ours from the bottom.
 - Its environment image begins at -z, where ours has its middle; and its rows of texels are spread so that the first and
   the last lie on the poles, where ours lie half a texel from them.
@@ -30,6 +32,7 @@ from lumipath.scene import (
     PointLight,
     Scene,
     Sphere,
+    SpotLight,
     Texture,
     ThinDielectric,
 )
@@ -141,7 +144,16 @@ def _light(light: Any) -> Dictionary:
     if isinstance(light, DirectionalLight):
         irradiance = np.pi * np.array(light.colour)
         return {"type": "directional", "direction": list(light.direction), "irradiance": _colour(irradiance)}
+    if isinstance(light, SpotLight):
+        assert light.inner_angle == light.outer_angle
+        target = np.add(light.position, light.direction).tolist()
+        up = [1, 0, 0] if abs(light.direction[0]) < 0.9 else [0, 1, 0]
+        to_world = mitsuba.ScalarTransform4f().look_at(list(light.position), target, up)
+        angles = {"cutoff_angle": light.outer_angle, "beam_width": light.outer_angle * (1 - 1e-5)}
+        return {"type": "spot", "to_world": to_world, "intensity": _colour(light.intensity), **angles}
     assert isinstance(light, PointLight)
+    if light.intensity is not None:
+        return {"type": "point", "position": list(light.position), "intensity": _colour(light.intensity)}
     # Only where no surface is nearer than 1, since ours is cut off there.
     assert tuple(light.attenuation) == (0.0, 0.0, 1.0)
     return {"type": "point", "position": list(light.position), "intensity": _colour(np.pi * np.array(light.colour))}

@@ -19,7 +19,7 @@ from lumipath.errors import CheckpointError, LumipathWarning, UsageError
 from lumipath.rendering.checkpoint import Checkpoint
 from lumipath.rendering.merging import merge
 from lumipath.rendering.session import Session
-from lumipath.scene import Camera, DirectionalLight, Environment, Material, PointLight, Scene, Sphere
+from lumipath.scene import Camera, DirectionalLight, Environment, Material, PointLight, Scene, Sphere, SpotLight
 from lumipath.scenes import builtin
 
 PARTS = ("emission", "direct", "indirect")
@@ -28,19 +28,31 @@ EVERY = (*PARTS, "light_groups", "variance")
 SIZE = {"width": 41, "height": 37, "max_depth": 5}
 
 
-def lit_scene(*, key=True, fill=True, lamp=True, back=True):
-    """A matt floor, a glass ball and a mirror under lights of four groups, one of them without a name."""
+def lit_scene(only=None):
+    """A matt floor, a glass ball and a mirror under lights of every kind, of four groups, one of them without a name.
+
+    All groups but `only` are too weak to see; that they are there has the scenes share their kernels.
+    """
+    key, fill, lamp, back = (1.0 if only in (name, None) else 1e-18 for name in ("key", "default", "lamp", "back"))
     shapes = [
         floor(4, material=Material(diffuse=0.6)),
         Sphere(transform=moved(-0.6, 0.5, 0) @ scaled(0.5), material=Material(transmissive=0.9, index=1.5)),
         quad((0.5, 0, -1), (2.5, 0, -1), (2.5, 2, -1), (0.5, 2, -1), material=Material(diffuse=0.2, specular=0.7)),
     ]
-    glow = Material(emission=(6, 4, 2) if lamp else 0, group="lamp")
+    glow = Material(emission=np.array((6, 4, 2)) * lamp, group="lamp")
     shapes += [Sphere(transform=moved(0.8, 1.2, 0.4) @ scaled(0.25), material=glow)]
     shapes += [quad((-2, 0.1, -2), (-1, 0.1, -2), (-1, 1, -2), (-2, 1, -2), material=glow)]
-    lights = [PointLight(position=(-2, 3, 1), colour=(9, 9, 9), group="key")] if key else []
-    lights += [DirectionalLight(direction=(-1, -2, -1), colour=(0.2, 0.3, 0.4))] if fill else []
-    environment = Environment(image=sky((0.3, 0.4, 0.5)).image, group="back") if back else None
+    lights = [
+        PointLight(position=(-2, 3, 1), colour=6 * key, group="key"),
+        SpotLight(position=(1, 3, 2), direction=(-0.3, -1, -0.6), intensity=9 * key, outer_angle=25, group="key"),
+        PointLight(position=(2, 0.5, 1), intensity=(lamp, 0.5 * lamp, 0), group="lamp"),
+        DirectionalLight(direction=(-1, -2, -1), colour=np.array((0.2, 0.3, 0.4)) * fill),
+        # Suns before the sky, one seen through the other.
+        DirectionalLight(direction=(0, -0.1, 1), colour=(0, 0.05 * fill, 0), angle=25),
+        DirectionalLight(direction=(-0.1, -0.2, 1), colour=0.05 * key, angle=30, group="key"),
+        DirectionalLight(direction=(1, -0.5, 0), colour=(0.2 * back, 0, 0), angle=40, group="back"),
+    ]
+    environment = Environment(image=sky((0.3, 0.4, 0.5)).image, scale=back, group="back")
     camera = Camera.look_at((0, 1.5, 4), (0, 0.5, 0), fov=50, aspect=41 / 37)
     return Scene(shapes=shapes, lights=lights, environment=environment, cameras=[camera], name="lit")
 
@@ -77,9 +89,11 @@ def groups_of(image):
 # ---- what adds up ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["lit", "cornell-box-glass", "many-lobes"])
-def test_parts_and_groups_add_up_to_the_image(device, name):
-    image = session_of(lit_scene() if name == "lit" else builtin(name), device=device).image()
+@pytest.mark.parametrize(("name", "limit"), [("lit", 0.05), ("many-lobes", None)])
+def test_parts_and_groups_add_up_to_the_image(device, name, limit):
+    scene = lit_scene() if name == "lit" else builtin(name)
+    # A limit holds for suns and sky together.
+    image = session_of(scene, device=device, clamp_indirect=limit).image()
     for names in (PARTS, groups_of(image)):
         np.testing.assert_allclose(total(image, names), image.pixels, rtol=2e-6, atol=1e-7)
     assert all((image[part] > 0).any() for part in PARTS)
@@ -128,16 +142,45 @@ def test_emission_has_the_background_whatever_the_integrator(device, scene):
     np.testing.assert_allclose(image["emission"][0, 0], (0.3, 0.4, 0.5), rtol=1e-5)
 
 
-@pytest.mark.parametrize("only", ["fill", "lamp", "back"])
-def test_a_group_is_the_picture_under_its_lights_alone(device, only):
-    lights = {name: name == only for name in ("key", "fill", "lamp", "back")}
-    alone = renders(lit_scene(**lights), seeds=16, spp=16, device=device, **SIZE)
-    session, layer = Session(lit_scene(), aov=("light_groups",), rr_depth=None, spp=16, device=device, **SIZE), []
-    for seed in range(100, 116):
-        session.restart(seed)
-        layer.append(session.run()[f"light_{'default' if only == 'fill' else only}"].astype(np.float64))
-    assert np.mean(layer) > 0
-    assert p_value(np.stack(layer), alone) > ALPHA
+@pytest.fixture(scope="module")
+def group_renders():
+    """(16, H, W, 3) for each light group, by the way in which lights are chosen."""
+    made = {}
+
+    def find(device, sampling):
+        if (device, sampling) not in made:
+            settings = {"aov": ("light_groups",), "rr_depth": None, "spp": 16, "light_sampling": sampling}
+            session, images = Session(lit_scene(), device=device, **settings, **SIZE), []
+            for seed in range(100, 116):
+                session.restart(seed)
+                images.append(session.run())
+            layers = {name: np.stack([image[name] for image in images]) for name in groups_of(images[0])}
+            made[device, sampling] = {name: layer.astype(np.float64) for name, layer in layers.items()}
+        return made[device, sampling]
+
+    return find
+
+
+@pytest.mark.parametrize("only", ["default", "key", "lamp", "back"])
+def test_a_group_is_the_picture_under_its_lights_alone(device, group_renders, only):
+    alone = renders(lit_scene(only), seeds=16, spp=16, device=device, **SIZE)
+    for sampling in ("power", "tree"):
+        layer = group_renders(device, sampling)[f"light_{only}"]
+        assert layer.mean() > 0
+        assert p_value(layer, alone) > ALPHA
+
+
+def test_suns_and_sky_that_are_seen_are_in_their_groups(device, scene):
+    image = session_of(scene, device=device, max_depth=0, spp=1).image()
+    for names in (PARTS, groups_of(image)):
+        np.testing.assert_allclose(total(image, names), image.pixels, rtol=2e-6, atol=1e-7)
+    radiance = {25: (0, 0.05, 0), 30: (0.05,) * 3}
+    green, grey = (np.array(colour) / np.sin(np.radians(angle / 2)) ** 2 for angle, colour in radiance.items())
+    # A pixel of the sky where one sun lies before the other; a corner where there is none.
+    row, column = np.argwhere((image["light_default"] > 0).any(-1) & (image["light_key"] > 0).any(-1))[0]
+    for name, expected in (("light_default", green), ("light_key", grey), ("light_back", (0.3, 0.4, 0.5))):
+        np.testing.assert_allclose(image[name][row, column], expected, rtol=1e-5)
+    assert not image["light_key"][0, 0].any()
 
 
 def test_names_of_groups(scene, straight):
@@ -182,9 +225,12 @@ def test_variance_is_that_of_the_mean_of_the_samples(device, scene, integrator):
 
 def test_variance_is_the_scatter_of_renders(device, scene):
     settings = {"sampler": "independent", "spp": 64, "device": device, **SIZE}
-    scatter = renders(scene, seeds=48, **settings).var(axis=0, ddof=1)
-    variance = Session(scene, aov=("variance",), rr_depth=None, **settings).run()["variance"]
-    np.testing.assert_allclose(variance.mean(axis=(0, 1)), scatter.mean(axis=(0, 1)), rtol=0.1)
+    scatter = renders(scene, seeds=96, **settings).var(axis=0, ddof=1)
+    session, variances = Session(scene, aov=("variance",), rr_depth=None, **settings), []
+    for seed in range(100, 124):
+        session.restart(seed)
+        variances.append(session.run()["variance"].mean(axis=(0, 1)))
+    np.testing.assert_allclose(np.mean(variances, axis=0), scatter.mean(axis=(0, 1)), rtol=0.1)
 
 
 def test_the_variance_of_one_sample_and_of_equal_ones_is_0(device, scene):

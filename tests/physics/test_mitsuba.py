@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from judging import ALPHA, assert_same, p_value
-from parts import HIDDEN, floor, hidden, moved, quad, scaled, sphere_mesh, with_all_surfaces
+from parts import HIDDEN, floor, hidden, moved, quad, scaled, sphere_mesh, turned, with_all_surfaces
 from renders import renders
 
 from lumipath.scene import (
@@ -20,6 +20,7 @@ from lumipath.scene import (
     PointLight,
     Scene,
     Sphere,
+    SpotLight,
     Texture,
     ThinDielectric,
 )
@@ -48,10 +49,15 @@ def compare(scene, folder, device, *, ours=None, sky=None, max_depth=4, **option
 
 
 def unlit(lights, ours):
-    """Lights too weak to see, so that scenes with a point or a directional light share their kernels."""
+    """Lights too weak to see, so that scenes with lights of no surface share their kernels."""
     if not ours or "smooth" not in ours:
         return []
-    return [PointLight(position=HIDDEN[:3, 3], colour=1e-9), DirectionalLight(direction=(0, -1, 0), colour=1e-9)]
+    return [
+        PointLight(position=HIDDEN[:3, 3], colour=1e-9),
+        SpotLight(position=HIDDEN[:3, 3], intensity=1e-9),
+        DirectionalLight(direction=(0, -1, 0), colour=1e-9),
+        DirectionalLight(direction=(0, -1, 0), colour=1e-9, angle=1),
+    ]
 
 
 def equirectangular(sky, rows=512):
@@ -81,14 +87,30 @@ def test_the_judge_tells_five_bounces_from_four(device, tmp_path):
 CURVED = ("quadric", "mirror", "glass")
 
 
-def test_a_mirror_and_a_diffuse_sphere_under_a_sky(device, tmp_path):
+def two_spheres():
+    """A mirror and a diffuse sphere on a floor."""
     shapes = [
         floor(2, material=WHITE),
         Sphere(transform=moved(-0.7, 0.6, 0) @ scaled(0.6), material=Material(specular=(0.9, 0.7, 0.5))),
         Sphere(transform=moved(0.8, 0.5, 0.2) @ scaled(0.5), material=Material(diffuse=(0.2, 0.4, 0.8))),
     ]
-    scene = Scene(shapes=shapes, cameras=[Camera.look_at((0.3, 1.5, 4), (0, 0.4, 0), fov=38)])
-    compare(scene, tmp_path, device, ours=CURVED, sky=lobed_sky)
+    return Scene(shapes=shapes, cameras=[Camera.look_at((0.3, 1.5, 4), (0, 0.4, 0), fov=38)])
+
+
+def test_a_mirror_and_a_diffuse_sphere_under_a_sky(device, tmp_path):
+    compare(two_spheres(), tmp_path, device, ours=CURVED, sky=lobed_sky)
+
+
+def test_a_mirror_and_a_diffuse_sphere_under_a_turned_and_scaled_sky(device, tmp_path):
+    def turned_sky(d):
+        # From world to the directions of the image.
+        return 0.5 * lobed_sky(d @ turned("y", 130)[:3, :3])
+
+    scene = two_spheres()
+    theirs = mitsuba_renders(scene, tmp_path, max_depth=3, environment=turned_sky, **SIZE, **BOTH)
+    scene.shapes += hidden(*CURVED)
+    scene.environment = Environment(image=equirectangular(lobed_sky).image, scale=0.5, rotation=130)
+    assert_same(renders(scene, device=device, max_depth=3, **SIZE, **BOTH), theirs)
 
 
 @pytest.mark.parametrize("index", [1.5, 2.2])
@@ -148,6 +170,37 @@ def test_a_point_light_and_a_smooth_mesh(device, tmp_path):
 def test_a_directional_light_and_a_smooth_mesh(device, tmp_path):
     light = DirectionalLight(direction=(-0.5, -1.0, -0.3), colour=(1.5, 1.2, 1.0))
     compare(Scene(shapes=still_life(), lights=[light], cameras=[TABLE]), tmp_path, device, ours=MATT)
+
+
+def test_spots_and_points_of_an_intensity(device, tmp_path):
+    lights = [
+        SpotLight(
+            position=(1.5, 2.5, 1.0), direction=(-1.4, -2, -0.7), intensity=(20, 12, 4), inner_angle=14, outer_angle=14
+        ),
+        SpotLight(
+            position=(-1.5, 1, 1.5), direction=(1, -0.6, -1), intensity=(1, 3, 9), inner_angle=30, outer_angle=30
+        ),
+        # Nearer than one metre, where the older kind of point light gets no brighter.
+        PointLight(position=(0.8, 0.4, 0.6), intensity=(0.1, 0.3, 0.2)),
+    ]
+    compare(Scene(shapes=still_life(), lights=lights, cameras=[TABLE]), tmp_path, device, ours=MATT)
+
+
+def test_a_disc_of_light_far_away_is_a_large_sphere_far_away(device, tmp_path):
+    # Mitsuba has no suns, but spheres: this one fills the same directions, seen from the table.
+    angle, distance = 20.0, 3000.0
+    direction = np.array([-0.5, -1.0, -0.3]) / np.linalg.norm([-0.5, -1.0, -0.3])
+    colour, half = np.array([1.5, 1.2, 1.0]), np.radians(angle / 2)
+    lamp = Sphere(
+        transform=moved(*(-direction * distance)) @ scaled(distance * np.sin(half)),
+        material=Material(diffuse=0.0, emission=colour / np.sin(half) ** 2),
+    )
+    scene = Scene(shapes=[*still_life(), lamp], cameras=[TABLE])
+    theirs = mitsuba_renders(scene, tmp_path, max_depth=3, **SIZE, **BOTH)
+    light = DirectionalLight(direction=direction, colour=colour, angle=angle)
+    ours = Scene(shapes=[*still_life(), *hidden(*MATT)], lights=[light, *unlit([], MATT)], cameras=[TABLE])
+    images = renders(ours, device=device, max_depth=3, **SIZE, **BOTH)
+    assert_same(images, theirs)
 
 
 def test_an_image_texture_lies_the_same_way_round(device, tmp_path):

@@ -160,6 +160,14 @@ def test_lamps_of_all_surfaces_that_are_sampled_shine_like_those_that_are_hit(de
     assert_same(sampled, found)
 
 
+def test_a_lamp_lights_itself_from_within(device):
+    # The shaded point is on the sphere that it draws a point of: by rounding, now inside and now outside.
+    ball = Sphere(transform=scaled(2), material=Diffuse(reflectance=0.5, roughness=0.5, emission=0.5))
+    settings = {"camera": Camera(position=(0.5, 0, 0.5), fov=60), "device": device}
+    found = pictures(ball, spp=64, first_seed=500, change=without_light_sampling, **settings)
+    assert_same(pictures(ball, **settings), found)
+
+
 def test_a_one_sided_material_is_not_there_from_behind(device):
     up = Camera.look_at((0, -2, 0.001), (0, 0, 0), up=(0, 0, -1), fov=30)
     black = Diffuse(reflectance=0.0, two_sided=False)

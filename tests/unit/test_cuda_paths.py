@@ -28,7 +28,7 @@ from lumipath.lang import Features, i32, u32
 from lumipath.pack.scene import film_layers, pack_scene, pack_view, settings_features
 from lumipath.rendering.film import Film
 from lumipath.rendering.session import Session
-from lumipath.scene import Camera, Material, PointLight, Scene, Sphere, Square
+from lumipath.scene import Camera, DirectionalLight, Material, PointLight, Scene, Sphere, Square
 from lumipath.settings import RenderSettings
 
 WIDTH, HEIGHT, SAMPLES = 5, 3, 4
@@ -36,10 +36,12 @@ mirror = Square(transform=np.diag([9.0, 9, 1, 1]), material=Material(diffuse=0.4
 lift = np.diag([0.5, 0.5, 0.5, 1.0])
 lift[2, 3] = 1.5
 lamp = Sphere(transform=lift, material=Material(emission=2, group="lamp", diffuse=0.3))
-room = Sphere(transform=np.diag([7.0, 7, 7, 1]), material=Material(diffuse=0.6))
-scene = Scene(
-    shapes=[mirror, lamp, room], lights=[PointLight(position=(1, 1, 3))], cameras=[Camera(position=(0, 0, 5))]
-)
+lying = np.array([(9.0, 0, 0, 0), (0, 0, 1, -1), (0, -9, 0, 0), (0, 0, 0, 1)])
+floor = Square(transform=lying, material=Material(diffuse=0.6))
+# Behind the camera, one within the other.
+suns = [DirectionalLight(colour=0.2, angle=60, group="sun"), DirectionalLight(colour=0.1, angle=90)]
+lights = [PointLight(position=(1, 1, 3)), *suns]
+scene = Scene(shapes=[mirror, lamp, floor], lights=lights, cameras=[Camera(position=(0, 0, 5))])
 aov = ("direct", "light_groups", "variance")
 settings = RenderSettings(
     width=WIDTH, height=HEIGHT, spp=SAMPLES, max_depth=3, threads=1, aov=aov, first_sample=3, rr_depth=1
@@ -79,7 +81,8 @@ def test_it_gives_what_the_cpu_gives():
     done = subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     expected, found = json.loads(done.stdout)
-    assert list(found) == ["image", "emission", "direct", "indirect", "light_default", "light_lamp", "variance"]
+    groups = ["light_default", "light_lamp", "light_sun"]
+    assert list(found) == ["image", "emission", "direct", "indirect", *groups, "variance"]
     for name, layer in expected.items():
         assert np.any(layer), name
         np.testing.assert_allclose(found[name], layer, rtol=1e-3, atol=1e-5, err_msg=name)

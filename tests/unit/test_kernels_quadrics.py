@@ -10,6 +10,7 @@ from scipy import stats
 
 from lumipath.kernels.quadrics import (
     area_scale,
+    is_inside,
     normal_to_world,
     object_area,
     object_normal,
@@ -44,6 +45,11 @@ def _sample(scene, u, v):
     return s.p.x, s.p.y, s.p.z, s.n.x, s.n.y, s.n.z, object_area(q)
 
 
+def _inside(scene, x, y, z):
+    return is_inside(quadric_at(scene.quadrics, i32(0)), Vec3(x, y, z))
+
+
+_insides = looped(_inside, scene=True)
 _distances = looped(_distance, scene=True)
 _normals = looped(_normal, outputs=6, scene=True)
 _samples = looped(_sample, outputs=7, scene=True)
@@ -275,6 +281,16 @@ def test_sampled_points_lie_on_the_surface_with_even_density_and_with_its_normal
     assert total.sum() == len(p)
     expected = np.concatenate([np.full(c.size, a / c.size) for c, a in zip(cells, areas)]) / sum(areas) * len(p)
     assert stats.chisquare(total, expected).pvalue > 1e-4
+
+
+@pytest.mark.parametrize("name", ["sphere", "cylinder", "truncated cone"])
+def test_points_of_the_surface_are_inside_however_they_are_rounded_and_those_beyond_are_not(name):
+    # A lamp is lit by its own far side wherever one is within it.
+    scene = packed(SHAPES[name]())
+    x, y, z, *normal, _ = _samples(scene, *np.random.default_rng(4).random((2, 2000), np.float32))
+    points, normal = np.stack([x, y, z]), np.stack(normal)
+    for off, inside in ((-5e-4, True), (-1e-6, True), (1e-6, True), (0.01, False)):
+        assert (_insides(scene, *(points + normal * np.float32(off))).astype(bool) == inside).all()
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (0, 1 - 2**-24), (1 - 2**-24, 0), (1 - 2**-24, 1 - 2**-24)])

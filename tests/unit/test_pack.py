@@ -19,13 +19,16 @@ from lumipath.scene import (
     Camera,
     Cone,
     Cylinder,
+    Diffuse,
     DirectionalLight,
     Environment,
     Material,
     Mesh,
     PointLight,
     Scene,
+    Sky,
     Sphere,
+    SpotLight,
     Square,
     Texture,
 )
@@ -51,13 +54,13 @@ def mask_of(*shapes, lights=(), environment=None):
         ({"shapes": [Box(material=Material(diffuse=TEXTURE))]}, layout.TEXTURES),
         ({"shapes": [Box(material=Material(ambient=TEXTURE))]}, layout.TEXTURES),
         ({"shapes": [Sphere()]}, layout.QUADRICS),
-        ({"shapes": [Sphere(material=GLOW)]}, layout.QUADRICS | layout.QUADRIC_LIGHTS),
+        ({"shapes": [Sphere(material=GLOW)]}, layout.QUADRICS | layout.QUADRIC_LIGHTS | layout.ROUND_LIGHTS),
         ({"shapes": [Square(material=GLOW)]}, layout.TRIANGLE_LIGHTS),
         ({"shapes": [sphere_mesh(8)]}, 0),
         ({"shapes": [sphere_mesh(8, smooth=True)]}, layout.SMOOTH_NORMALS),
         ({"shapes": hidden("one-sided")}, layout.CULLING),
         ({"shapes": hidden("blend")}, layout.BLENDED_MATERIALS),
-        ({"shapes": [sphere_mesh(8, material=GLOW)]}, layout.TRIANGLE_LIGHTS | layout.MANY_LIGHTS),
+        ({"shapes": [sphere_mesh(8, material=GLOW)]}, layout.TRIANGLE_LIGHTS | layout.LIGHT_TREE),
         ({"shapes": [Box()], "environment": sky()}, layout.ENVIRONMENT),
         ({"shapes": [Box()], "environment": sky(0.0)}, 0),
         ({"shapes": [Box()], "lights": [PointLight(position=(0, 0, 9))]}, layout.POINT_LIGHTS),
@@ -138,8 +141,17 @@ def test_lights_of_every_kind_know_their_group():
     glow = Material(emission=1, group="glow")
     scene = Scene(
         shapes=[Box(material=glow), Sphere(material=glow), Sphere(material=Material(diffuse=1, group="dull"))],
-        lights=[PointLight(position=(0, 9, 0), group="key"), DirectionalLight(), AmbientLight()],
-        environment=Environment(image=np.ones((2, 4, 3)), group="back"),
+        # Not in the order of the table.
+        lights=[
+            DirectionalLight(angle=1, group="glow"),
+            SpotLight(position=(0, 9, 0), group="back"),
+            PointLight(position=(0, 9, 0), group="key"),
+            PointLight(position=(0, 9, 0), intensity=1, group="back"),
+            DirectionalLight(),
+            AmbientLight(),
+            DirectionalLight(angle=2, group="glow"),
+        ],
+        environment=Sky(sun_angle=2, group="back"),
     )
     packed = pack_scene(scene).scene
     assert scene.light_groups == ("default", "back", "glow", "key")
@@ -150,12 +162,15 @@ def test_lights_of_every_kind_know_their_group():
         layout.TRIANGLE_LIGHT: 2,
         layout.QUADRIC_LIGHT: 2,
         layout.POINT_LIGHT: 3,
+        layout.SPOT_LIGHT: 1,
         layout.DIRECTIONAL_LIGHT: 0,
         layout.ENVIRONMENT_LIGHT: 1,
     }
-    assert {int(kind) for kind in kinds} == {int(kind) for kind in expected}
+    assert {int(kind) for kind in kinds} == {int(kind) for kind in (*expected, layout.SUN_LIGHT)}
     for kind, group in expected.items():
         assert (groups[kinds == kind] == group).all()
+    # The sky's own sun comes last.
+    assert groups[kinds == layout.SUN_LIGHT].tolist() == [2, 2, 1]
     # The environment, what glows, and what does not.
     assert packed.light_groups.tolist() == [1, 2, 0]
 
@@ -225,6 +240,16 @@ def test_the_density_of_an_emitter_is_its_probability_over_its_area():
     np.testing.assert_allclose(rows[quadrics, 19] * [4 * np.pi, np.pi * (np.sqrt(2) + 1)], rows[quadrics, 2], rtol=1e-5)
     np.testing.assert_array_equal(density[numbers[quadrics, 17]], rows[quadrics, 19])
     assert (density > 0).sum() == triangles.sum() + quadrics.sum()
+
+
+def test_a_sphere_with_holes_is_drawn_by_its_area_since_its_far_side_is_seen():
+    def packed(opacity):
+        return pack_scene(Scene(shapes=[Sphere(material=Diffuse(emission=1, opacity=opacity))])).scene
+
+    assert packed(1.0).features.mask & layout.ROUND_LIGHTS
+    assert not packed(0.5).features.mask & layout.ROUND_LIGHTS
+    # It says so itself, for scenes in which other spheres are round.
+    assert (packed(1.0).quadrics[0, 13], packed(0.5).quadrics[0, 13]) == (1, 0)
 
 
 def test_triangles_without_area_are_no_lights():

@@ -90,11 +90,19 @@ def test_together_they_use_all_that_a_scene_can_have():
     used = 0
     for scene in scenes:
         used |= pack_scene(scene).scene.features.mask
-    # The bits of layout up to MANY_LIGHTS are those of every scene; the rest belong to settings, trees and BSDFs.
-    assert used & (2 * layout.MANY_LIGHTS - 1) == 2 * layout.MANY_LIGHTS - 1
-    assert used & layout.INSTANCES
+    # The bits of layout below MANY_LIGHTS are those of every scene; the rest belong to settings, trees and BSDFs.
+    assert used & (layout.MANY_LIGHTS - 1) == layout.MANY_LIGHTS - 1
+    for bit in (layout.INSTANCES, layout.LIGHT_TREE, layout.ROUND_LIGHTS, layout.SUNS):
+        assert used & bit
     assert {type(light) for scene in scenes for light in scene.lights} == {PointLight, DirectionalLight, AmbientLight}
     assert {camera.blades > 0 for scene in scenes for camera in scene.cameras if camera.aperture > 0} == {True, False}
+
+
+def test_there_are_a_thousand_lamps_and_the_brightest_is_far_brighter():
+    lamps = [shape for shape in builtin("many-lamps").shapes if shape.material.is_emissive]
+    power = [max(lamp.material.emission) * lamp.transform[0, 0] ** 2 for lamp in lamps]
+    assert len(lamps) == 1000
+    assert max(power) > 1000 * min(power)
 
 
 def test_every_kind_of_shape_has_a_texture():

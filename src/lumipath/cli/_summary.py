@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import AnyMaterial, Appearance, Cone, Instance, Mesh, Scene, Shape, Texture, materials_of
+from ..scene import AnyMaterial, Appearance, Cone, Environment, Instance, Mesh, Scene, Shape, Sky, Texture, materials_of
 
 # Triangle record, its share of the tree's nodes, and the vertex data that shading reads.
 _BYTES_PER_TRIANGLE = 160
@@ -34,7 +34,7 @@ def summarise(scene: Scene) -> dict[str, Any]:
         "cameras": [camera.name or str(index) for index, camera in enumerate(scene.cameras)],
         "materials": len(materials),
         "textures": len(textures),
-        "environment": None if environment is None else _environment(environment.name, environment.image.shape),
+        "environment": None if environment is None else _environment(environment),
         "bounds": None if bounds is None else {"min": bounds[0].tolist(), "max": bounds[1].tolist()},
         "memory_bytes": memory_estimate(scene, list(textures.values())),
     }
@@ -90,7 +90,7 @@ def memory_estimate(scene: Scene, textures: list[Texture]) -> int:
     """About how many bytes the scene takes while it is rendered, without the film."""
     # Views of one image share it.
     images = sum({id(texture.image): texture.image.nbytes for texture in textures}.values())
-    environment = scene.environment.image.nbytes if scene.environment is not None else 0
+    environment = scene.environment.image.nbytes if isinstance(scene.environment, Environment) else 0
     return math.ceil(scene.stored_triangle_count * _BYTES_PER_TRIANGLE + images + environment)
 
 
@@ -110,5 +110,8 @@ def _emits(shape: Shape | Instance) -> bool:
     return any(material.is_emissive for material in materials_of(shape))
 
 
-def _environment(name: str, shape: tuple[int, ...]) -> str:
-    return f"{name or 'image'}, {shape[1]} x {shape[0]} pixels"
+def _environment(environment: Environment | Sky) -> str:
+    if isinstance(environment, Sky):
+        return f"sky, sun at {environment.elevation:g} degrees, turbidity {environment.turbidity:g}"
+    height, width, _ = environment.image.shape
+    return f"{environment.name or 'image'}, {width} x {height} pixels"

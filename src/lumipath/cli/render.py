@@ -21,6 +21,7 @@ from ._progress import Reporter, Summary, make_reporter
 from ._scene import DEFAULT_SCENE, SceneArgument, open_scene, scene_stem
 from ._settings import from_definitions, from_flags, from_size, settings_from, with_setting_flags
 from ._signals import exit_code
+from ._sky import is_sky, parse_sky
 from ._terminal import show_error, show_warning
 
 if TYPE_CHECKING:
@@ -51,7 +52,8 @@ def render(
         typer.Option("--cubemap", "-c", metavar="FILE", help="Environment: one of six cube faces in a folder."),
     ] = None,
     environment: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Environment: an equirectangular image.")
+        str | None,
+        typer.Option(metavar="FILE|sky:...", help="Environment: an equirectangular image, or sky:elevation=30,..."),
     ] = None,
     config: Annotated[
         Path | None, typer.Option("--config", "-j", metavar="FILE", help="Settings from a JSON file; flags beat it.")
@@ -119,12 +121,14 @@ def _with_guides(settings: RenderSettings) -> RenderSettings:
     return attrs.evolve(settings, aov=(*settings.aov, *(name for name in GUIDES if name not in settings.aov)))
 
 
-def _with_environment(scene: Scene, cubemap: Path | None, environment: Path | None) -> Scene:
+def _with_environment(scene: Scene, cubemap: Path | None, environment: str | None) -> Scene:
     """The scene under the environment asked for on the command line, if any."""
     if cubemap is None and environment is None:
         return scene
     if cubemap is not None and environment is not None:
         raise UsageError("--cubemap and --environment are two environments; give one of them")
+    if environment is not None and is_sky(environment):
+        return attrs.evolve(scene, environment=parse_sky(environment))
     from ..formats.images import read_cubemap, read_environment
 
     light = read_cubemap(cubemap) if cubemap is not None else read_environment(str(environment))

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from ..accel.packets import WIDTH, load_lanes, splat
 from ..accel.trace8 import primitive_of
-from ..kernels.light_layers import to_layers
-from ..kernels.path import shade
-from ..kernels.rays import Hit
+from ..kernels.emitted_layers import emitted_to_layers
+from ..kernels.path import Path, Step, shade
+from ..kernels.rays import Hit, Ray, no_ray
 from ..kernels.sampler import Numbers, direction_numbers
+from ..kernels.vectors import black
 from ..lang import (
     INF,
     Vec3,
@@ -82,6 +83,12 @@ def put_results(results, row, k, v):
 def get_result(results, row, k):
     """A number from a row of the results."""
     return load_result(results, row * BLOCK + k)
+
+
+@kernel
+def get_results(results, row, k):
+    """A vector from three rows of the results."""
+    return Vec3(get_result(results, row, k), get_result(results, row + 1, k), get_result(results, row + 2, k))
 
 
 @kernel
@@ -176,6 +183,16 @@ def move_groups(scene, batch, at, k, on):
 
 
 @kernel
+def emitting_step(scene, results, k, depth):
+    """What a step said of the light that it found."""
+    ray = Ray(get_results(results, i32(0), k), get_results(results, i32(3), k), INF)
+    throughput = get_results(results, _THROUGHPUT, k)
+    path = Path(ray, throughput, get_result(results, _PDF, k), depth, as_int(get_result(results, _MEDIUM, k)), False)
+    emitted = get_results(results, _EMITTED, k)
+    return Step(path, emitted, no_ray(), black(), group_result(scene, results, _EMITTER, k), i32(0))
+
+
+@kernel
 def gather_emission(scene, batch, first, k, left, depth):
     """Add the radiance that some paths found; `left` of them are there."""
     results = batch.results
@@ -191,11 +208,10 @@ def gather_emission(scene, batch, first, k, left, depth):
         j = i32(k + lowest_bit(shining))
         shining &= shining - 1
         owner = load(batch.paths.owner, first + j)
-        radiance = Vec3(
-            get_result(results, _EMITTED, j), get_result(results, _EMITTED + 1, j), get_result(results, _EMITTED + 2, j)
-        )
-        add_light(batch.gathered, owner, radiance)
-        to_layers(scene, put_in_batch, batch, owner, depth, group_result(scene, results, _EMITTER, j), radiance)
+        step = emitting_step(scene, results, j, depth)
+        add_light(batch.gathered, owner, step.emitted)
+        escaped = load(batch.rays.slot, first + j) < 0
+        emitted_to_layers(scene, put_in_batch, batch, owner, depth, escaped, step, step.emitted)
 
 
 @kernel

@@ -100,3 +100,9 @@ def power_heuristic(a, b):
     # By the ratio, since the squares overflow for narrow lobes; a = 0 makes it infinite and the weight 0.
     r = b / a
     return 1.0 / (1.0 + r * r)
+
+
+@kernel
+def strategy_weight(pdf, other):
+    """Multiple importance sampling: weight of a sample that only light sampling (density `other`) competes for."""
+    return f32(1.0) if pdf == 0.0 else power_heuristic(pdf, other)

@@ -18,6 +18,7 @@ from .lobes import Bounce, lobe_probabilities
 from .materials import emission_at, lobes_at
 from .media import has_inside, medium_beyond, transmittance
 from .mixes import emitting_material
+from .punctual import with_suns
 from .rays import endless_ray, offset_point
 from .sampler import camera_numbers, choice_numbers, dielectric_number
 from .vectors import black, dot, frame_around, mean_component, to_local, to_world, white
@@ -117,7 +118,7 @@ def first_hit(scene, view, trace, ray, pixel, sample):
         hit = trace(scene, ray, False)
         if hit.primitive < 0:
             if event == 0:
-                seen = environment_from(scene, ray.d).radiance
+                seen = with_suns(scene, ray.d, environment_from(scene, ray.d).radiance)
                 first = FirstHit(black(), black(), black(), black(), seen, 0.0, 0.0, 0.0, i32(0), i32(-1), i32(-1))
             break
         s = looked_at_surface(scene, view, ray, hit, pixel, sample, event)

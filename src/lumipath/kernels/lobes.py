@@ -103,11 +103,11 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
     """Next-event estimation of the Lambert lobe, weighted against drawing the same direction from the lobe."""
     n = s.n * side
     o = offset_point(s.p, n, path.ray.tmax, s.reach)
-    light, number = sample_light(scene, o, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
+    light, number = sample_light(scene, o, n, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
     cosine = dot(s.shading, light.direction) * side
     reaches = (light.pdf > 0.0) & (cosine > 0.0) & (dot(n, light.direction) > 0.0) & (probability > 0.0)
     competing = lambert_pdf(scene, cosine) * probability
-    weight = f32(1.0) if light.delta else power_heuristic(light.pdf, competing)
+    weight = f32(1.0) if light.delta else power_heuristic(light.rival, competing)
     radiance = path.throughput * lobes.diffuse * light.radiance * (INV_PI * cosine * weight / light.pdf)
     medium = path.medium if side > 0.0 else i32(-1)
     radiance = radiance * transmittance(scene, medium, light.distance)

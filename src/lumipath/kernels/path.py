@@ -8,9 +8,9 @@ from __future__ import annotations
 from ..lang import Vec3, f32, i32, inverse, kernel, struct
 from ..pack.layout import CLAMP_INDIRECT, ROULETTE, SIGNED_FILTER
 from .camera import camera_sample
-from .environment import environment_from
+from .far_light import far_light
 from .footprints import shading_surface
-from .functions import power_heuristic
+from .functions import strategy_weight
 from .light_layers import emitter_group
 from .lights import emitter_pdf
 from .materials import seen_emission
@@ -76,12 +76,6 @@ def finish(path, emitted, emitter):
 
 
 @kernel
-def strategy_weight(pdf, other):
-    """Multiple importance sampling: weight of a sample that only light sampling (density `other`) competes for."""
-    return f32(1.0) if pdf == 0.0 else power_heuristic(pdf, other)
-
-
-@kernel
 def as_it_is(scene, view, radiance, bounces):
     """Light of any strength."""
     return radiance
@@ -109,13 +103,9 @@ def limited(scene, view, radiance, bounces):
 
 @kernel
 def escaped(scene, view, path):
-    """Nothing was hit: the environment's light."""
-    seen = environment_from(scene, path.ray.d)
-    weight = strategy_weight(path.pdf, seen.pdf * scene.environment_probability)
-    emitted = path.throughput * seen.radiance * weight
-    return finish(
-        path, limited(scene, view, emitted, i32(scattered_times(scene, path) - 1)), emitter_group(scene, i32(-1))
-    )
+    """Nothing was hit: the light of what is infinitely far away."""
+    emitted = limited(scene, view, far_light(scene, path), i32(scattered_times(scene, path) - 1))
+    return finish(path, emitted, emitter_group(scene, i32(-1)))
 
 
 @kernel

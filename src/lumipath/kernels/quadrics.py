@@ -6,9 +6,9 @@ Rays go to object space, where their direction keeps its length in world units, 
 from __future__ import annotations
 
 from ..lang import INF, PI, Vec3, as_int, f32, i32, kernel, load4, sqrt, struct
-from ..pack.layout import CAPPED_CONE, QUADRIC_SIZE, SPHERE
-from .functions import acos_turn, atan2_turn
-from .vectors import cross, dot, length, normalize, xyz
+from ..pack.layout import CAPPED_CONE, QUADRIC_SIZE, ROUND_LIGHTS, SPHERE
+from .functions import acos_turn, atan2_turn, cos_sin_turn
+from .vectors import cross, dot, frame_around, length, normalize, to_world, xyz
 from .warps import SPHERE_AREA, uniform_disc, uniform_sphere
 
 
@@ -154,13 +154,18 @@ def quadric_distance(quadrics, index, o, d, tmax):
     return quadric_distance_beyond(quadrics, index, o, d, f32(0.0), tmax)
 
 
+# A point this far outside of a quadric, relative to its size, may be one of its own surface that is lit from inside.
+_THICKNESS = f32(1e-3)
+
+
 @kernel
 def is_inside(q, p):
-    """Whether a point of object space is inside of a closed quadric."""
+    """Whether a point of object space is inside of a closed quadric, or on its surface up to rounding."""
     if q.kind == SPHERE:
-        return dot(p, p) < 1.0
-    radius = q.bottom + (q.top - q.bottom) / q.height * p.z
-    return (p.z > 0.0) & (p.z < q.height) & (p.x * p.x + p.y * p.y < radius * radius)
+        return dot(p, p) < (1.0 + _THICKNESS) * (1.0 + _THICKNESS)
+    off = max(q.height, max(q.bottom, q.top)) * _THICKNESS
+    radius = q.bottom + (q.top - q.bottom) / q.height * p.z + off
+    return (p.z > -off) & (p.z < q.height + off) & (p.x * p.x + p.y * p.y < radius * radius)
 
 
 @kernel
@@ -238,3 +243,59 @@ def sample_quadric(q, u, v):
         p = uniform_sphere(u, v)
         return ObjectPoint(p, p)
     return sample_cone(q, u, v)
+
+
+# A round sphere is sampled by the cone in which it is seen (pbrt, 4th edition, section 6.2.4).
+
+
+@struct
+class Drawn:
+    """A point, and its density per solid angle over that of uniform points per object area; 0: uniform points."""
+
+    point: ObjectPoint
+    gain: f32
+
+
+@kernel
+def always_by_area(scene, q, o):
+    """A scene without round lights."""
+    return f32(0.0)
+
+
+@kernel(needs=ROUND_LIGHTS, otherwise=always_by_area)
+def seen_gain(scene, q, o):
+    """`Drawn.gain` for a point o in object space."""
+    if (q.kind != SPHERE) | (q.bottom == 0.0) | is_inside(q, o):
+        return f32(0.0)
+    # The cone has the solid angle 2 pi (1 - cosine), the sphere the area 4 pi.
+    return 2.0 / one_minus_cosine(1.0 / dot(o, o))
+
+
+@kernel
+def one_minus_cosine(sine2):
+    """1 - cosine of an angle up to pi / 2, of which the square of the sine is given."""
+    return sine2 / (1.0 + sqrt(max(0.0, 1.0 - sine2)))
+
+
+@kernel
+def anywhere(scene, q, o, u, v):
+    """A scene without round lights."""
+    return Drawn(sample_quadric(q, u, v), 0.0)
+
+
+@kernel(needs=ROUND_LIGHTS, otherwise=anywhere)
+def seen_point(scene, q, o, u, v):
+    """A point of a quadric to be lit by; o is the lit point, in object space."""
+    gain = seen_gain(scene, q, o)
+    if not gain > 0.0:
+        return anywhere(scene, q, o, u, v)
+    # The direction, by 1 - cosine of its angle to the centre, and by that of its point as seen from the centre.
+    sine2 = 1.0 / dot(o, o)
+    off = u * one_minus_cosine(sine2)
+    part = min(off * (2.0 - off) / sine2, 1.0)
+    cosine = sqrt(sine2) * part + (1.0 - off) * sqrt(1.0 - part)
+    # Not from the cosine, which has no digits left close to the sphere.
+    sine = sqrt(part) * max(0.0, (1.0 - off) - sqrt(sine2 * (1.0 - part)))
+    x, y = cos_sin_turn(v)
+    p = to_world(frame_around(normalize(o)), Vec3(sine * x, sine * y, cosine))
+    return Drawn(ObjectPoint(p, p), gain)

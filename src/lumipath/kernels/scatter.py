@@ -7,14 +7,23 @@ have done (multiple importance sampling, Veach 1997, chapter 9).
 from __future__ import annotations
 
 from ..lang import as_int, f32, i32, inverse, kernel
-from ..pack.layout import ANY_LIGHT, BSDFS, LOBES_KIND
+from ..pack.layout import (
+    ANY_LIGHT,
+    BSDFS,
+    LOBES_KIND,
+    PRINCIPLED_KIND,
+    ROUGH_DIELECTRIC_KIND,
+    THIN_DIELECTRIC_KIND,
+    TRANSMISSION,
+)
 from .bsdf.responses import Question, response
 from .bsdf.values import slot
 from .functions import power_heuristic
 from .light_layers import light_group
-from .lights import no_light, sample_light
+from .lights import sample_light
 from .lobes import scatter_at_lobes
 from .media import index_beyond, medium_beyond, transmittance
+from .punctual import no_light
 from .rays import SHADOW_END, Ray, no_ray, offset_point
 from .sampler import choice_numbers
 from .scattered import DirectLight, Scattered
@@ -26,15 +35,28 @@ FAR = f32(1e18)
 
 
 @kernel
-def no_light_at(scene, view, path, s, pixel, sample, numbers):
+def is_glass(scene, kind):
+    """Whether light comes from beyond surfaces of a kind; the principled material is opaque in this scene."""
+    return (kind == ROUGH_DIELECTRIC_KIND) | (kind == THIN_DIELECTRIC_KIND)
+
+
+@kernel(needs=TRANSMISSION, otherwise=is_glass)
+def may_be_lit_from_beyond(scene, kind):
+    """Whether light may come from beyond surfaces of a kind."""
+    return is_glass(scene, kind) | (kind == PRINCIPLED_KIND)
+
+
+@kernel
+def no_light_at(scene, view, path, s, kind, pixel, sample, numbers):
     """A scene without lights."""
     return no_light(), i32(-1)
 
 
 @kernel(needs=ANY_LIGHT, otherwise=no_light_at)
-def light_at(scene, view, path, s, pixel, sample, numbers):
-    """Light that may arrive at a surface, from any side."""
-    return sample_light(scene, s.p, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
+def light_at(scene, view, path, s, kind, pixel, sample, numbers):
+    """Light that may arrive at a surface, from any side that matters."""
+    n = black() if may_be_lit_from_beyond(scene, kind) else s.n
+    return sample_light(scene, s.p, n, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
 
 
 @kernel
@@ -48,7 +70,7 @@ def unshadowed_light(scene, path, s, light, number, value):
     distance = length(to_light)
     direction = to_light * inverse(distance) if finite else light.direction
     distance = distance if finite else light.distance
-    weight = f32(1.0) if light.delta else power_heuristic(light.pdf, value.pdf)
+    weight = f32(1.0) if light.delta else power_heuristic(light.rival, value.pdf)
     radiance = path.throughput * value.f * light.radiance * (weight / light.pdf)
     radiance = radiance * transmittance(scene, medium_beyond(scene, s, outside, path.medium), light.distance)
     return DirectLight(Ray(o, direction, distance * SHADOW_END), radiance, light_group(scene, number))
@@ -64,7 +86,7 @@ def no_direct_light():
 def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
     """Direct light, and the next direction; arguments as those of `scatter`."""
     frame = shading_frame(scene, s)
-    light, number = light_at(scene, view, path, s, pixel, sample, numbers)
+    light, number = light_at(scene, view, path, s, kind, pixel, sample, numbers)
     wi = to_local(frame, light.direction)
     choice = choice_numbers(scene, pixel, sample, view.seed, path.depth).b
     wo = to_local(frame, -path.ray.d)

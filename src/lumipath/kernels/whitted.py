@@ -10,15 +10,16 @@ from __future__ import annotations
 from ..lang import INV_PI, Vec3, as_float, as_int, f32, get, i32, kernel, load, load4, put, stack_floats, struct
 from ..pack.layout import (
     BLENDED_MATERIALS,
+    DELTA_LIGHTS,
     DIELECTRICS,
-    DIRECTIONAL_LIGHTS,
     PHONG_AMBIENT,
     PHONG_EXPONENT,
     PHONG_HIGHLIGHT,
     PHONG_MIRROR,
     PHONG_SIZE,
     POINT_LIGHT,
-    POINT_LIGHTS,
+    SPOT_LIGHT,
+    SPOT_LIGHTS,
 )
 from .bsdf.dielectric import refracted_direction
 from .bsdf.mirror import mirror_direction
@@ -26,10 +27,10 @@ from .camera import camera_sample
 from .environment import environment_from
 from .fresnel import refracted_cosine
 from .functions import unit_power
-from .lights import light_row, sample_directional_light, sample_point_light
 from .materials import emission_at, lobes_at
 from .media import has_inside, is_dielectric, medium_beyond, transmittance
 from .normal_maps import mapped_surface
+from .punctual import light_row, sample_directional_light, sample_point_light, sample_spot_light, with_suns
 from .rays import SHADOW_END, Ray, endless_ray, offset_point
 from .sampler import camera_numbers
 from .surface import surface_at
@@ -152,11 +153,25 @@ def shadow_tint(scene, trace, ray):
 
 
 @kernel
-def delta_light(scene, light, o):
-    """Light from a point light or a directional one, with a facing white diffuse surface's radiance times pi."""
-    if as_int(light_row(scene, light, 0)[3]) == POINT_LIGHT:
+def point_or_direction(scene, light, kind, o):
+    """Light from a point light or from a direction."""
+    if kind == POINT_LIGHT:
         return sample_point_light(scene, light, o, 0.0, 0.0)
     return sample_directional_light(scene, light, o, 0.0, 0.0)
+
+
+@kernel(needs=SPOT_LIGHTS, otherwise=point_or_direction)
+def spot_or_other(scene, light, kind, o):
+    """Light from a spot light, or else."""
+    if kind == SPOT_LIGHT:
+        return sample_spot_light(scene, light, o, 0.0, 0.0)
+    return point_or_direction(scene, light, kind, o)
+
+
+@kernel
+def delta_light(scene, light, o):
+    """Light without a surface, with a facing white diffuse surface's radiance times pi; a sun is its middle."""
+    return spot_or_other(scene, light, as_int(light_row(scene, light, 0)[3]), o)
 
 
 @kernel
@@ -175,7 +190,7 @@ def unlit(scene, trace, ray, hit, s, side, phong):
     return black()
 
 
-@kernel(needs=POINT_LIGHTS | DIRECTIONAL_LIGHTS, otherwise=unlit)
+@kernel(needs=DELTA_LIGHTS, otherwise=unlit)
 def local_light(scene, trace, ray, hit, s, side, phong):
     """Phong's formula for all point and directional lights, on the viewer's side (1) or beyond the surface (-1)."""
     total = black()
@@ -244,7 +259,7 @@ def split(scene, view, trace, branch):
     """Follow a branch to the next surface."""
     hit = trace(scene, branch.ray, False)
     if hit.primitive < 0:
-        radiance = environment_from(scene, branch.ray.d).radiance
+        radiance = with_suns(scene, branch.ray.d, environment_from(scene, branch.ray.d).radiance)
         return Split(branch.weight * radiance, dead(branch), dead(branch))
     s = mapped_surface(scene, branch.ray, hit)
     # As in the path tracer: at the back of a dielectric one has been inside, and its paint lies on its outside.

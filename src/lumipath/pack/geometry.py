@@ -118,11 +118,25 @@ def quadric_box(shape: Sphere | Cone) -> NDArray[np.float32]:
     return np.array([lower - slack, upper + slack], np.float32)
 
 
+def is_round(shape: Sphere | Cone) -> bool:
+    """Whether a shape is a sphere in world space too, and nothing is seen of its far side."""
+    linear = shape.transform[:3, :3]
+    square = linear.T @ linear
+    size = np.trace(square) / 3
+    hides = isinstance(shape, Sphere) and not _has_holes(shape.material)
+    return hides and bool(np.abs(square - size * np.eye(3)).max() < 1e-5 * size)
+
+
+def _has_holes(material: AnyMaterial) -> bool:
+    return isinstance(material, Appearance) and material.has_holes
+
+
 def _quadric_row(shape: Sphere | Cone) -> NDArray[np.float32]:
     row = np.zeros(int(layout.QUADRIC_SIZE), np.float32)
     row[:12] = np.linalg.inv(shape.transform)[:3].reshape(-1)
     if isinstance(shape, Sphere):
         row.view(np.int32)[12] = layout.SPHERE
+        row[13] = is_round(shape)
     else:
         row.view(np.int32)[12] = layout.CAPPED_CONE if shape.capped else layout.OPEN_CONE
         row[13:16] = shape.bottom_radius, shape.top_radius, shape.height
@@ -185,7 +199,7 @@ def flatten(scene: Scene, table: MaterialTable) -> Geometry:
         np.array([_quadric_row(shape) for shape in quadrics], np.float32).reshape(-1, int(layout.QUADRIC_SIZE)),
         quadric_materials,
         instancing,
-        np.array([isinstance(m, Appearance) and m.has_holes for m in table.materials], np.bool_),
+        np.array([_has_holes(material) for material in table.materials], np.bool_),
         features,
     )
 

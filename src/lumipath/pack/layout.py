@@ -31,6 +31,9 @@ SCHLICK_FRESNEL = 1 << 15
 LENS = 1 << 16
 ROULETTE = 1 << 17
 WIDE_TREE = 1 << 18
+LIGHT_TREE = 1 << 19
+SPOT_LIGHTS = 1 << 20
+SUNS = 1 << 21
 BLADES = 1 << 22
 # The window of the image is not about the viewing direction; then projections, at most one: none is perspective.
 SHIFT = 1 << 23
@@ -38,6 +41,7 @@ ORTHOGRAPHIC = 1 << 24
 PANORAMA = 1 << 25
 FISHEYE = 1 << 26
 EQUISOLID = 1 << 27
+ROUND_LIGHTS = 1 << 28
 INSTANCES = 1 << 29
 
 # Integrators, one at a time; none of these bits is the path tracer.
@@ -87,7 +91,9 @@ MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 """Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 PRINCIPLED_PARTS = CLEARCOAT | SHEEN | IRIDESCENCE | TRANSMISSION | SPECULAR
-ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | POINT_LIGHTS | DIRECTIONAL_LIGHTS | ENVIRONMENT
+DELTA_LIGHTS = POINT_LIGHTS | SPOT_LIGHTS | DIRECTIONAL_LIGHTS | SUNS
+"""What Whitted ray tracing takes for points and directions."""
+ANY_LIGHT = TRIANGLE_LIGHTS | QUADRIC_LIGHTS | DELTA_LIGHTS | ENVIRONMENT
 SURFACE_LIGHTS = TRIANGLE_LIGHTS | QUADRIC_LIGHTS
 TANGENTS = TEXTURES | NORMAL_MAPS | ANISOTROPY
 """What needs to know how texture coordinates lie on a surface."""
@@ -200,7 +206,8 @@ BYTES = i32(64)
 LINEAR_BYTES = i32(128)
 CHANNEL_SHIFT = i32(8)  # 3 bits: 0 colour, 1 to 4 red to alpha
 
-# ---- quadrics: 16 floats: world to object as rows of 4, then kind as bits, radius at 0, radius at height, height ----
+# ---- quadrics: 16 floats: world to object as rows of 4, then kind as bits, radius at 0, radius at height, height;
+#      of a sphere only 1 in place of the first radius, if it is round and without holes -------------------------------
 QUADRIC_SIZE = i32(16)
 SPHERE = i32(0)
 OPEN_CONE = i32(1)
@@ -217,14 +224,20 @@ INSTANCE_SCALE = i32(16)
 INSTANCE_SHIFT = i32(17)
 INSTANCE_SPREAD = i32(18)
 
-# ---- lights: 24 floats -----------------------------------------------------------------------------------------------
+# ---- lights: 24 floats, in the order triangles, quadrics, points, spots, directional, suns, environment -------------
 # 0 alias threshold, other index, probability, kind; then by kind:
 #   triangle    4 vertex, density per area   8 edge, primitive   12 edge, 1 if two-sided   16 normal, material
 #   quadric     4 object to world as rows of 4   16 quadric, primitive, material, density per object area
 #   point       4 position   8 colour   12 attenuation
+#   spot        4 position, 1 - cosine of the outer angle   8 intensity, 1 / (that - 1 + cosine of the inner angle)
+#               12 axis; a point light of an intensity is a spot that shines everywhere
 #   directional 4 direction to the light   8 colour
+#   sun         4 direction to its middle, square of its radius as a chord of the unit sphere
+#               8 colour, radiance over colour   12 density per solid angle
 #   environment nothing more
-# and in the last float the number of the light's group, as bits
+# and in the last float the number of the light's group, as bits.
+# With LIGHT_TREE, what is in the tree has the probability 1, and densities to match, since that of the tree depends on
+# the point that is lit; the alias table is that of the lights that are infinitely far away.
 LIGHT_SIZE = i32(24)
 LIGHT_GROUP = i32(23)
 TRIANGLE_LIGHT = i32(0)
@@ -232,6 +245,15 @@ QUADRIC_LIGHT = i32(1)
 POINT_LIGHT = i32(2)
 DIRECTIONAL_LIGHT = i32(3)
 ENVIRONMENT_LIGHT = i32(4)
+SPOT_LIGHT = i32(5)
+SUN_LIGHT = i32(6)
+
+# ---- light tree: 12 floats a node: centre and radius of a sphere around its lights; axis of their normals, intensity
+#      (negative where light leaves in both directions of the axis); cosine and sine of the angle between axis and
+#      normals, cosine of the angle from a normal in which light leaves, and as bits the link: the first of two
+#      children, which follow each other, or -1 - light. The root is node 0 and node 1 is empty, so that k ^ 1 is the
+#      sibling of k
+LIGHT_NODE_SIZE = i32(12)
 
 # ---- environment: 4 floats a texel: radiance rgb, density per solid angle times sin(theta). Rows and cells are alias
 #      tables of 2 floats: threshold, other index as bits; first the row is drawn, then the cell in it
@@ -261,8 +283,15 @@ class PackedScene(NamedTuple):
     texel_words: NDArray[Any]  # (.,) int32
     lights: NDArray[Any]  # (L, 24) float32
     light_count: i32
-    first_delta: i32  # the first point or directional light; they follow each other
+    first_delta: i32  # the first point, spot or directional light or sun; they follow each other
     delta_count: i32
+    first_sun: i32
+    sun_count: i32
+    light_nodes: NDArray[Any]  # (K, 12) float32; empty without LIGHT_TREE
+    light_parents: NDArray[Any]  # (K,) int32: of each node, -1 of the root; empty without LIGHT_TREE
+    emitter_node: NDArray[Any]  # (P,) int32: leaf of each primitive in the light tree, -1: none; empty without it
+    tree_probability: f32  # of choosing among the lights in the tree, not among those infinitely far away
+    first_infinite: i32  # the first light that is infinitely far away; they follow each other
     ambient: NDArray[Any]  # (4,) float32: sum of the ambient lights rgb, unused
     light_groups: NDArray[Any]  # (1 + M,) int32: numbers of the groups of the environment and of what materials emit
     group_count: i32  # number 0 is that of lights without a group

@@ -21,6 +21,7 @@ from .geometry import Geometry, flatten, vertex_rows
 from .layout import PackedScene, View
 from .lights import ambient_light, collect_lights, light_groups, scene_radius
 from .materials import MaterialTable
+from .sky import far_light
 
 # Primitive numbers share a 32-bit word with a flag.
 _MAX_PRIMITIVES = 1 << 29
@@ -46,11 +47,12 @@ class Packed:
         return self.scene._replace(accel=accel, instances=instances)
 
 
-def pack_scene(scene: Scene, *, regularize: bool = False) -> Packed:
+def pack_scene(scene: Scene, *, light_sampling: str = "auto", regularize: bool = False) -> Packed:
     """Flatten a scene. The tree is left out: each kind of device has its own.
 
     Args:
         scene: what to render.
+        light_sampling: as in `RenderSettings`; the tree of lights, unlike that of rays, is made here.
         regularize: whether clear glass may grow rough, as the setting of that name wants.
 
     Raises:
@@ -67,9 +69,10 @@ def pack_scene(scene: Scene, *, regularize: bool = False) -> Packed:
         )
     if primitives == 0:
         warnings.warn(f"{scene.name} has no shapes: only its background is rendered", LumipathWarning, stacklevel=2)
-    environment = pack_environment(scene.environment) if scene.environment else no_environment()
+    far, sun = far_light(scene.environment)
+    environment = pack_environment(far) if far else no_environment()
     radius = scene_radius(geometry)
-    lights = collect_lights(scene, geometry, table, radius, environment.mean)
+    lights = collect_lights(scene, [*scene.lights, *sun], geometry, table, radius, environment.mean, light_sampling)
     table.add_parts()
     bsdfs, bsdf_features = table.bsdf_rows()
     maps, map_features = table.map_rows()
@@ -118,6 +121,13 @@ def pack_scene(scene: Scene, *, regularize: bool = False) -> Packed:
         light_count=i32(len(lights.rows)),
         first_delta=i32(lights.first_delta),
         delta_count=i32(lights.delta_count),
+        first_sun=i32(lights.first_sun),
+        sun_count=i32(lights.sun_count),
+        light_nodes=aligned(lights.nodes),
+        light_parents=aligned(lights.parents),
+        emitter_node=aligned(lights.emitter_node),
+        tree_probability=f32(lights.tree_probability),
+        first_infinite=i32(lights.first_infinite),
         ambient=aligned(ambient_light(scene)),
         light_groups=aligned(light_groups(scene, table)),
         group_count=i32(len(scene.light_groups)),
@@ -162,13 +172,15 @@ _INTEGRATORS = {
 }
 
 
+# What chooses a light and a point on it.
+_ONLY_FOR_LIGHT = layout.ANY_LIGHT | layout.MANY_LIGHTS | layout.LIGHT_TREE | layout.ROUND_LIGHTS
 # Only paths carry several media and ask BSDFs; all else sees sums of lobes.
 _OF_PATHS = layout.NESTED | layout.BSDFS | layout.PRINCIPLED_PARTS
 
 
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:
     """Feature bits of the pass that fills layers, for a scene whose own bits are `scene`; it samples no lights."""
-    surfaces_only = scene & ~(layout.ANY_LIGHT | layout.MANY_LIGHTS) | scene & layout.ENVIRONMENT
+    surfaces_only = scene & ~_ONLY_FOR_LIGHT | scene & (layout.ENVIRONMENT | layout.SUNS)
     # Means over the positive part of a filter only: no albedo beyond 1, no depth by a division by almost 0.
     mask = surfaces_only | layout.LAYERS | camera_features(settings, camera, signed=False)
     # What is rough is not looked through; whatever kind it is of.

@@ -105,7 +105,7 @@ class Session:
     ) -> None:
         self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
         self.scene = scene
-        if self.settings.integrator == "whitted" and not scene.lights:
+        if self.settings.integrator == "whitted" and not scene.lights and not scene.has_sun:
             warnings.warn(
                 f"{scene.name} has no point, directional or ambient light: the integrator whitted shows only what "
                 "emits, directly, in mirrors and through glass",
@@ -143,7 +143,8 @@ class Session:
     def _prepare(self, camera: Camera) -> None:
         """Bring the scene to the device, and compile the kernels for what it uses."""
         start = time.perf_counter()
-        host = pack_scene(self.scene, regularize=self.settings.regularize)
+        settings = self.settings
+        host = pack_scene(self.scene, light_sampling=settings.light_sampling, regularize=settings.regularize)
         packed = self.device.upload(host)
         features = image_features(packed.features.mask, self.settings, camera)
         if self.settings.focus_on is not None:

@@ -4,12 +4,13 @@ from .bsdfs import AnyMaterial, Appearance, Conductor, Dielectric, Diffuse, Thin
 from .camera import Camera
 from .digest import scene_digest
 from .instances import Group, Instance, materials_of
-from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
+from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight, SpotLight
 from .material import Material
 from .mix import Mix
 from .principled import Principled
 from .scene import Scene
 from .shapes import Box, Cone, Cylinder, Mesh, Shape, Sphere, Square, smooth_normals, transform_mesh
+from .sky import Sky
 from .textures import Checker, Texture
 
 __all__ = [
@@ -36,7 +37,9 @@ __all__ = [
     "Principled",
     "Scene",
     "Shape",
+    "Sky",
     "Sphere",
+    "SpotLight",
     "Square",
     "Texture",
     "ThinDielectric",

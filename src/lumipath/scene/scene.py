@@ -11,8 +11,9 @@ from ..errors import SceneError
 from .bsdfs import AnyMaterial
 from .camera import Camera
 from .instances import Instance, materials_of
-from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight
+from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight, SpotLight
 from .shapes import Cone, Mesh, Shape, Sphere
+from .sky import Sky
 
 DEFAULT_GROUP = "default"
 """The group of lights that name none."""
@@ -31,9 +32,13 @@ def _shapes(value: Any) -> list[Any]:
 
 
 def _lights(value: Any) -> list[Any]:
-    return _checked(
-        value, (PointLight, DirectionalLight, AmbientLight), "a PointLight, DirectionalLight or AmbientLight"
-    )
+    classes = (PointLight, SpotLight, DirectionalLight, AmbientLight)
+    return _checked(value, classes, "a PointLight, SpotLight, DirectionalLight or AmbientLight")
+
+
+def _environment(_: object, attribute: object, value: Any) -> None:
+    if not isinstance(value, (Environment, Sky, type(None))):
+        raise SceneError(f"environment is a {type(value).__name__}; it must be an Environment, a Sky or None")
 
 
 def _cameras(value: Any) -> list[Any]:
@@ -46,16 +51,16 @@ class Scene:
 
     Args:
         shapes: meshes, spheres, cones, and instances of them.
-        lights: point, directional and ambient lights; emissive shapes need not be listed.
+        lights: point, spot, directional and ambient lights; emissive shapes need not be listed.
         cameras: the first renders unless another is asked for; `Camera()` where the list is empty.
-        environment: light from far away, or None for black.
+        environment: light from far away, an image or a sky, or None for black.
         name: for messages and output file names.
     """
 
     shapes: list[Shape | Instance] = field(factory=list, converter=_shapes)
     lights: list[Light] = field(factory=list, converter=_lights)
     cameras: list[Camera] = field(factory=list, converter=_cameras)
-    environment: Environment | None = None
+    environment: Environment | Sky | None = field(default=None, validator=_environment)
     name: str = "scene"
 
     def camera(self, which: str | int | None = None) -> Camera:
@@ -102,3 +107,8 @@ class Scene:
         return sum(
             len(part.faces) for part in {id(part): part for part in self.parts()}.values() if isinstance(part, Mesh)
         )
+
+    @property
+    def has_sun(self) -> bool:
+        """Whether the environment is a sky with a sun."""
+        return isinstance(self.environment, Sky) and self.environment.sun

@@ -32,6 +32,8 @@ _SCENES = {
     "caustics": ("caustics", "caustics", "light gathered by a glass ball, a metal ring and a red glass cone"),
     "many-lobes": ("lobes", "many_lobes", "materials that add up matt, mirror, glass and emission"),
     "bokeh": ("bokeh", "bokeh", "small lamps out of focus, through a lens of six blades"),
+    "sundial": ("sundial", "sundial", "a sundial in the evening sun, under a computed sky"),
+    "many-lamps": ("lanterns", "many_lamps", "a thousand lanterns of very different brightness around a lake"),
     "forest": ("forest", "forest", "a thousand trees of 100,000 triangles each, of three kinds that are stored once"),
     "glass-of-water": ("water", "glass_of_water", "water in a glass, which overlap and have priorities"),
     "materials": ("studio", "materials", "the principled material: gold, plastic, lacquer, cloth, films and glass"),

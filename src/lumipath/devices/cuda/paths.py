@@ -12,6 +12,7 @@ from numba import cuda
 
 from ...accel.walk import walk_to_end
 from ...kernels.adaptive import add_square, square_of, takes
+from ...kernels.emitted_layers import emitted_to_layers
 from ...kernels.light_layers import squares_to_layer, to_layers
 from ...kernels.path import shade, start_path
 from ...kernels.rays import no_ray
@@ -53,7 +54,7 @@ def make_paths(stack_size: int) -> Any:
                 step = shade(scene, view, path, hit, numbers, pixel, sample)
                 emitted = finite_or_counted(work.counters, step.emitted)
                 light = light + emitted
-                to_layers(scene, put_in_film, film, place, events, step.emitter, emitted)
+                emitted_to_layers(scene, put_in_film, film, place, events, hit.primitive < 0, step, emitted)
                 path = step.path
                 shadow = step.shadow
                 direct = step.direct
