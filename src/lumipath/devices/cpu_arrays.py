@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..accel.packets import SORT_KEYS, Order, Rays
 from ..kernels.path import Path
 from ..kernels.rays import Ray
-from ..lang import INF, Vec3, aligned_empty, i32, kernel, load, store, u32
+from ..lang import INF, Vec3, aligned, i32, kernel, load, store, u32
 
 TILE_PIXELS = i32(256)
 BATCH = i32(4096)
@@ -70,11 +70,15 @@ def new_batch(columns: int = 0) -> Batch:
     """Scratch memory for one thread, for a film with so many columns of layers."""
     size = int(STRIDE)
 
+    # Zeros, as vector code reads behind the last path, and must find numbers there.
+    def array(kind: Any, *shape: int) -> np.ndarray:
+        return aligned(np.zeros(shape or size, kind))
+
     def floats(count: int) -> list[np.ndarray]:
-        return [aligned_empty(size, np.float32) for _ in range(count)]
+        return [array(np.float32) for _ in range(count)]
 
     def ints(count: int) -> list[np.ndarray]:
-        return [aligned_empty(size, np.int32) for _ in range(count)]
+        return [array(np.int32) for _ in range(count)]
 
     def rays() -> Rays:
         return Rays(*floats(7), *ints(2))
@@ -87,11 +91,11 @@ def new_batch(columns: int = 0) -> Batch:
         shadow_owner=ints(1)[0],
         shadow_group=ints(1)[0],
         gathered=Light(*floats(3)),
-        parts=aligned_empty(max(columns, 1) * size, np.float32),
-        samples=aligned_empty((2, size), np.int32),
-        draws=aligned_empty((4, size), np.float32),
-        results=aligned_empty((int(RESULTS), int(BLOCK)), np.float32),
-        order=Order(*ints(2), aligned_empty(SORT_KEYS, np.int32)),
+        parts=array(np.float32, max(columns, 1) * size),
+        samples=array(np.int32, 2, size),
+        draws=array(np.float32, 4, size),
+        results=array(np.float32, int(RESULTS), int(BLOCK)),
+        order=Order(*ints(2), array(np.int32, SORT_KEYS)),
         clock=np.zeros(5, np.int64),
     )
 

@@ -116,14 +116,13 @@ def group_result(scene, results, row, k):
 
 
 @kernel
-def shade_block(scene, view, batch, first, count, n, depth):
-    """Shade `count` paths from `first` on and put what comes of them in the results. Those from n on are nobody's."""
+def shade_block(scene, view, batch, first, count, depth):
+    """Shade `count` paths from `first` on and put what comes of them in the results."""
     results = batch.results
     draws = batch.draws
     for k in range(count):
         i = i32(first + k)
-        found = hit_of(scene, batch.rays, i)
-        hit = Hit(found.t, found.primitive if i < n else i32(-1), found.instance)
+        hit = hit_of(scene, batch.rays, i)
         numbers = Numbers(
             load(draws, i), load(draws, STRIDE + i), load(draws, 2 * STRIDE + i), load(draws, 3 * STRIDE + i)
         )
@@ -252,12 +251,15 @@ def collect(scene, batch, first, count, depth, going, shadows):
 def shade_batch(scene, view, batch, n, depth):
     """Shade all hits; the paths that go on move to the front. Returns how many, and the number of shadow rays."""
     draw_numbers(scene, view, batch, n, depth)
+    shaded = i32((n + LAPS - 1) & -LAPS)
+    for i in range(n, shaded):
+        # What is nobody's path has hit nothing.
+        store(batch.rays.slot, i, i32(-1))
     going = i32(0)
     shadows = i32(0)
     first = i32(0)
     while first < n:
-        left = i32(n - first)
-        shade_block(scene, view, batch, first, min(BLOCK, i32((left + LAPS - 1) & -LAPS)), n, depth)
-        going, shadows = collect(scene, batch, first, min(BLOCK, left), depth, going, shadows)
+        shade_block(scene, view, batch, first, min(BLOCK, i32(shaded - first)), depth)
+        going, shadows = collect(scene, batch, first, min(BLOCK, i32(n - first)), depth, going, shadows)
         first = i32(first + BLOCK)
     return going, shadows
