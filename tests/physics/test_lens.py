@@ -7,7 +7,7 @@ import pytest
 from parts import moved, quad
 from renders import renders
 
-from lumipath.accel.build import build_tree
+from lumipath.accel.two_level import build_trees
 from lumipath.devices import cpu
 from lumipath.devices.focus import distance_at
 from lumipath.errors import UsageError
@@ -136,7 +136,7 @@ def test_a_pixel_is_brought_into_focus(device, camera, pixel):
 
 def test_a_tree_is_built_for_picking_only_where_the_device_has_none_that_the_cpu_walks(monkeypatch):
     built = []
-    monkeypatch.setattr(cpu, "build_tree", lambda *boxes, **options: built.append(1) or build_tree(*boxes, **options))
+    monkeypatch.setattr(cpu, "build_trees", lambda *boxes, **options: built.append(1) or build_trees(*boxes, **options))
     packed = pack_scene(Scene(shapes=ROOM))
     view = pack_view(Camera(fov=50), RenderSettings(width=64, height=40))
     uploaded = cpu.CpuDevice(1).upload(packed)

@@ -178,6 +178,12 @@ def peaky(rows=8):
     return image
 
 
+def test_no_direction_at_all_stays_inside_the_image():
+    # Whoever shades many paths at once computes for paths that nobody will look at, too.
+    none = np.float32([np.nan, 0, np.inf, 0])
+    assert len(seen(packed_sky(peaky()), none, np.zeros(4, np.float32), none)[0]) == 4
+
+
 def directions(count, seed=5):
     v = np.random.default_rng(seed).normal(size=(count, 3))
     return (v / np.linalg.norm(v, axis=1, keepdims=True)).astype(np.float32)

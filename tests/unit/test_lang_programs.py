@@ -173,6 +173,13 @@ def test_the_renderer_has_vectors_of_eight_floats_at_least(program):
     assert re.search(r"<(8|16) x float>", program)
 
 
+def test_shading_is_compiled_for_many_paths_at_once(program):
+    # The results of shading are the only stores in a scope of their own, see `store_result`.
+    kinds = set(re.findall(r"\bstore (<\d+ x float>|float|i32) [^\n]*!alias\.scope", program))
+    assert kinds <= {"<8 x float>", "<16 x float>"}
+    assert kinds
+
+
 # ---- the disk cache -------------------------------------------------------------------------------------------------
 
 SMALL = """

@@ -25,6 +25,7 @@ from lumipath.lang import (
     kernel,
     load,
     load4,
+    load_result,
     lowest_bit,
     put,
     reverse_bits,
@@ -32,6 +33,7 @@ from lumipath.lang import (
     stack_floats,
     stack_ints,
     store,
+    store_result,
     struct,
     u32,
 )
@@ -204,7 +206,7 @@ def test_roots_and_reciprocals_are_exact_on_the_cpu_and_nan_below_0():
 
 
 def test_memory_is_read_and_written_where_it_should():
-    def work(source, floats, ints):
+    def work(source, floats, ints, results):
         a, b, c, d = load4(source, 4)
         store(floats, 0, a + 10.0 * b + 100.0 * c + 1000.0 * d)
         store(floats, 5, load(source, 11))
@@ -217,11 +219,13 @@ def test_memory_is_read_and_written_where_it_should():
             put(counts, k, k)
         store(floats, 1, get(local, 7))
         store(ints, 0, get(counts, 2))
+        store_result(results, 1, 5.0)
+        store(floats, 2, load_result(results, 1))
 
     source = aligned(np.arange(12, dtype=np.float32).reshape(3, 4))
     floats, ints = np.zeros((2, 3), np.float32), np.zeros(4, np.int32)
-    run(work, source, floats, ints)
-    np.testing.assert_array_equal(floats, [[7654, 3.5, 0], [0, 0, 11]])
+    run(work, source, floats, ints, np.zeros(2, np.float32))
+    np.testing.assert_array_equal(floats, [[7654, 3.5, 5], [0, 0, 11]])
     np.testing.assert_array_equal(ints, [2, 0, 0, 7])
     again = np.zeros_like(floats), np.zeros_like(ints)
     work(source, *again)

@@ -18,7 +18,8 @@ from ..lang.kernel import compile_for
 from ..lang.scalars import quiet_arithmetic
 from ..pack.layout import PIXEL_INTEGRATORS, FilmArrays, LayerArrays, PackedScene, View
 from ..pack.scene import Packed
-from .cpu_batch import BATCH, CANCELLED, REJECTED, STRIDE, TILE_PIXELS, new_batch, render_tiles
+from .cpu_arrays import BATCH, STRIDE, TILE_PIXELS, new_batch
+from .cpu_batch import CANCELLED, REJECTED, render_tiles
 from .cpu_pixels import render_pixels
 from .device import DeviceInfo
 from .interrupts import deferred_interrupts

@@ -6,173 +6,22 @@ instruction cache and its state in the L2 cache. The physics is in `kernels`; he
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
-
-from ..accel.packets import SORT_KEYS, Order, Rays, trace_rays
-from ..accel.trace8 import primitive_of
+from ..accel.packets import trace_rays
 from ..kernels.adaptive import add_square, goal_of, square_of
-from ..kernels.emitted_layers import emitted_to_layers
 from ..kernels.light_layers import all_columns, light_columns, squares_to_layer, to_layers
-from ..kernels.path import Path, shade, start_path
-from ..kernels.rays import Hit, Ray
-from ..kernels.sampler import Numbers, camera_numbers, direction_numbers
-from ..lang import INF, Vec3, aligned_empty, entry, fetch_add, i32, kernel, load, read_clock, store, u32
-from ..pack.layout import GROUPS, INSTANCES, TILE
+from ..kernels.path import start_path
+from ..kernels.sampler import camera_numbers
+from ..lang import INF, Vec3, entry, fetch_add, i32, kernel, load, read_clock, store, u32
+from ..pack.layout import GROUPS, TILE
+from .cpu_arrays import BATCH, STRIDE, add_light, put_in_batch, store_path, store_vec3, vec3_at
 from .cpu_film import add_exactly, add_to_film, put_in_film
-
-TILE_PIXELS = i32(256)
-BATCH = i32(4096)
-"""Paths in flight in each thread; a multiple of TILE_PIXELS."""
-
-STRIDE = i32(4096 + 64)
-"""Length of a batch's arrays: vector code reads and writes a little behind the last path."""
+from .cpu_shading import shade_batch
 
 # Slots of `control`.
 NEXT_TILE = i32(0)
 CANCELLED = i32(1)
 REJECTED = i32(2)
 FINISHED_TILES = i32(3)
-
-
-class Paths(NamedTuple):
-    """What goes with the rays of paths: throughput, density, medium, and the path's number in the batch."""
-
-    red: NDArray[Any]
-    green: NDArray[Any]
-    blue: NDArray[Any]
-    pdf: NDArray[Any]
-    medium: NDArray[Any]
-    owner: NDArray[Any]
-
-
-class Light(NamedTuple):
-    """Radiance: of each path of the batch, or of each shadow ray."""
-
-    red: NDArray[Any]
-    green: NDArray[Any]
-    blue: NDArray[Any]
-
-
-class Batch(NamedTuple):
-    """The scratch memory of one thread."""
-
-    rays: Rays
-    paths: Paths
-    shadows: Rays
-    shadow_light: Light
-    shadow_owner: NDArray[Any]
-    shadow_group: NDArray[Any]  # light group of each shadow ray
-    gathered: Light
-    parts: NDArray[Any]  # (columns * STRIDE,) float32: what goes to each column of `FilmArrays.parts`
-    samples: NDArray[Any]  # (2, STRIDE) uint32: pixel and sample of each path
-    draws: NDArray[Any]  # (4, STRIDE) float32: random numbers of each path, as in `direction_numbers`
-    order: Order
-    clock: NDArray[Any]  # (5,) int64: cycles spent in generate, extend, shade, connect, develop
-
-
-def new_batch(columns: int = 0) -> Batch:
-    """Scratch memory for one thread, for a film with so many columns of layers."""
-    size = int(STRIDE)
-
-    def floats(count: int) -> list[np.ndarray]:
-        return [aligned_empty(size, np.float32) for _ in range(count)]
-
-    def ints(count: int) -> list[np.ndarray]:
-        return [aligned_empty(size, np.int32) for _ in range(count)]
-
-    def rays() -> Rays:
-        return Rays(*floats(7), *ints(2))
-
-    return Batch(
-        rays=rays(),
-        paths=Paths(*floats(4), *ints(2)),
-        shadows=rays(),
-        shadow_light=Light(*floats(3)),
-        shadow_owner=ints(1)[0],
-        shadow_group=ints(1)[0],
-        gathered=Light(*floats(3)),
-        parts=aligned_empty(max(columns, 1) * size, np.float32),
-        samples=aligned_empty((2, size), np.uint32),
-        draws=aligned_empty((4, size), np.float32),
-        order=Order(*ints(2), aligned_empty(SORT_KEYS, np.int32)),
-        clock=np.zeros(5, np.int64),
-    )
-
-
-@kernel
-def vec3_at(x, y, z, i):
-    """A vector from three arrays."""
-    return Vec3(load(x, i), load(y, i), load(z, i))
-
-
-@kernel
-def store_vec3(x, y, z, i, v):
-    """A vector into three arrays."""
-    store(x, i, v.x)
-    store(y, i, v.y)
-    store(z, i, v.z)
-
-
-@kernel
-def add_light(light, i, radiance):
-    """Add radiance to a path of the batch."""
-    store(light.red, i, load(light.red, i) + radiance.x)
-    store(light.green, i, load(light.green, i) + radiance.y)
-    store(light.blue, i, load(light.blue, i) + radiance.z)
-
-
-@kernel
-def put_in_batch(scene, batch, i, column, value):
-    """Add three numbers to the columns of a path of the batch."""
-    at = column * STRIDE + i
-    store(batch.parts, at, load(batch.parts, at) + value.x)
-    store(batch.parts, at + STRIDE, load(batch.parts, at + STRIDE) + value.y)
-    store(batch.parts, at + 2 * STRIDE, load(batch.parts, at + 2 * STRIDE) + value.z)
-
-
-@kernel
-def store_ray(rays, i, ray):
-    """A ray into the arrays."""
-    store_vec3(rays.ox, rays.oy, rays.oz, i, ray.o)
-    store_vec3(rays.dx, rays.dy, rays.dz, i, ray.d)
-    store(rays.t, i, ray.tmax)
-
-
-@kernel
-def store_path(batch, i, path, owner, pixel, sample):
-    """A path into the arrays."""
-    store_ray(batch.rays, i, path.ray)
-    store_vec3(batch.paths.red, batch.paths.green, batch.paths.blue, i, path.throughput)
-    store(batch.paths.pdf, i, path.pdf)
-    store(batch.paths.medium, i, path.medium)
-    store(batch.paths.owner, i, owner)
-    store(batch.samples, i, pixel)
-    store(batch.samples, STRIDE + i, sample)
-
-
-@kernel
-def load_path(batch, i, depth):
-    """A path from the arrays."""
-    rays = batch.rays
-    paths = batch.paths
-    ray = Ray(vec3_at(rays.ox, rays.oy, rays.oz, i), vec3_at(rays.dx, rays.dy, rays.dz, i), INF)
-    throughput = vec3_at(paths.red, paths.green, paths.blue, i)
-    return Path(ray, throughput, load(paths.pdf, i), depth, load(paths.medium, i), True)
-
-
-@kernel
-def hit_in_world(scene, rays, i):
-    """What a ray has hit, in a scene without instances."""
-    return Hit(load(rays.t, i), primitive_of(scene.accel, load(rays.slot, i)), i32(-1))
-
-
-@kernel(needs=INSTANCES, otherwise=hit_in_world)
-def hit_of(scene, rays, i):
-    """What a ray has hit."""
-    return Hit(load(rays.t, i), primitive_of(scene.accel, load(rays.slot, i)), load(rays.instance, i))
 
 
 @kernel
@@ -201,30 +50,6 @@ def clear_layers(scene, batch, n):
 
 
 @kernel
-def draw_numbers(scene, view, batch, n, depth):
-    """The random numbers of all paths, in a loop of its own, which becomes SIMD code."""
-    for i in range(n):
-        pixel = load(batch.samples, i)
-        sample = load(batch.samples, STRIDE + i)
-        numbers = direction_numbers(scene, pixel, sample, view.seed, depth)
-        store(batch.draws, i, numbers.a)
-        store(batch.draws, STRIDE + i, numbers.b)
-        store(batch.draws, 2 * STRIDE + i, numbers.c)
-        store(batch.draws, 3 * STRIDE + i, numbers.d)
-
-
-@kernel
-def store_no_group(scene, batch, i, group):
-    """Nobody asks for light groups."""
-
-
-@kernel(needs=GROUPS, otherwise=store_no_group)
-def store_group(scene, batch, i, group):
-    """The light group of a shadow ray into the arrays."""
-    store(batch.shadow_group, i, group)
-
-
-@kernel
 def one_group_at(scene, batch, i):
     """Nobody asks for light groups."""
     return i32(0)
@@ -234,38 +59,6 @@ def one_group_at(scene, batch, i):
 def group_at(scene, batch, i):
     """The light group of a shadow ray."""
     return load(batch.shadow_group, i)
-
-
-@kernel
-def shade_batch(scene, view, batch, n, depth):
-    """Shade all hits; the paths that go on move to the front. Returns how many, and the number of shadow rays."""
-    draw_numbers(scene, view, batch, n, depth)
-    draws = batch.draws
-    light = batch.shadow_light
-    going = i32(0)
-    shadows = i32(0)
-    for i in range(n):
-        path = load_path(batch, i, depth)
-        hit = hit_of(scene, batch.rays, i)
-        owner = load(batch.paths.owner, i)
-        numbers = Numbers(
-            load(draws, i), load(draws, STRIDE + i), load(draws, 2 * STRIDE + i), load(draws, 3 * STRIDE + i)
-        )
-        pixel = load(batch.samples, i)
-        sample = load(batch.samples, STRIDE + i)
-        step = shade(scene, view, path, hit, numbers, pixel, sample)
-        add_light(batch.gathered, owner, step.emitted)
-        emitted_to_layers(scene, put_in_batch, batch, owner, depth, hit.primitive < 0, step, step.emitted)
-        # Written in any case and kept only if there is one: a branch could not be predicted.
-        store_ray(batch.shadows, shadows, step.shadow)
-        store_vec3(light.red, light.green, light.blue, shadows, step.direct)
-        store(batch.shadow_owner, shadows, owner)
-        store_group(scene, batch, shadows, step.light)
-        shadows = i32(shadows + (1 if step.shadow.tmax > 0.0 else 0))
-        if step.path.alive:
-            store_path(batch, going, step.path, owner, pixel, sample)
-            going = i32(going + 1)
-    return going, shadows
 
 
 @kernel

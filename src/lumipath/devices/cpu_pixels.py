@@ -8,8 +8,8 @@ from ..kernels.integrators import estimate
 from ..kernels.layers import add_samples_of_layers
 from ..kernels.light_layers import squares_to_layer
 from ..lang import INF, entry, fetch_add, i32, kernel, load, store, u32
-from ..pack.layout import LAYERS
-from .cpu_batch import CANCELLED, FINISHED_TILES, NEXT_TILE, REJECTED, TILE
+from ..pack.layout import LAYERS, TILE
+from .cpu_batch import CANCELLED, FINISHED_TILES, NEXT_TILE, REJECTED
 from .cpu_film import add_to_film, put_in_film
 
 

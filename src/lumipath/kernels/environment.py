@@ -31,10 +31,11 @@ def environment_coordinates(scene, direction):
 
 @kernel
 def texel(scene, column, row):
-    """Four floats of a texel; columns wrap around, rows end at the poles."""
+    """Four floats of a texel; columns wrap around, rows end at the poles. Of no direction, NaN, it is any texel."""
     width = scene.environment_width
     column = i32(column + width) if column < 0 else column
     column = i32(column - width) if column >= width else column
+    column = min(max(column, i32(0)), i32(width - 1))
     row = min(max(row, i32(0)), i32(scene.environment_height - 1))
     return load4(scene.environment, (row * width + column) * 4)
 

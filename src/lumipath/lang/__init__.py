@@ -23,6 +23,7 @@ from .memory import (
     get,
     load,
     load4,
+    load_result,
     prefetch,
     put,
     read4,
@@ -30,6 +31,7 @@ from .memory import (
     stack_floats,
     stack_ints,
     store,
+    store_result,
     write4,
 )
 from .scalars import DEBUG_PYTHON, INF, INV_PI, PI, TWO_PI, f32, i32, u32
@@ -64,6 +66,7 @@ __all__ = [
     "kernel",
     "load",
     "load4",
+    "load_result",
     "lowest_bit",
     "prefetch",
     "put",
@@ -74,6 +77,7 @@ __all__ = [
     "stack_floats",
     "stack_ints",
     "store",
+    "store_result",
     "struct",
     "u32",
     "when_compiling",

@@ -58,9 +58,19 @@ def load(array: types.Type, i: types.Type) -> Any:
         return None
 
     def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
-        return builder.load(element_pointer(context, builder, array, arguments[0], arguments[1], i))
+        value = builder.load(element_pointer(context, builder, array, arguments[0], arguments[1], i))
+        if not is_gpu(context):
+            value.set_metadata("noalias", _results_scope(builder))
+        return value
 
     return array.dtype, emit
+
+
+def _results_scope(builder: ir.IRBuilder) -> Any:
+    """LLVM's word for all memory that is written by `store_result`."""
+    module = builder.module
+    scope = module.add_metadata(["results", module.add_metadata(["lumipath"])])
+    return module.add_metadata([scope])
 
 
 def _store_python(array: Any, i: Any, value: Any) -> None:
@@ -84,6 +94,36 @@ get, put = load, store
 """The same, for arrays on the stack."""
 
 
+@intrinsic(lambda array, i: _flat(array)[i])
+def load_result(array: types.Type, i: types.Type) -> Any:
+    """`array.flat[i]` of memory that `store_result` writes."""
+    if not _is_memory(array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
+        return builder.load(element_pointer(context, builder, array, arguments[0], arguments[1], i))
+
+    return array.dtype, emit
+
+
+@intrinsic(_store_python)
+def store_result(array: types.Type, i: types.Type, value: types.Type) -> Any:
+    """`array.flat[i] = value`, in memory that `load` and its relatives never read.
+
+    A loop that only loads and stores results may be compiled for many of its rounds at once: LLVM knows that no round
+    reads what another has written.
+    """
+    if not _is_memory(array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> None:
+        pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
+        stored = builder.store(context.cast(builder, arguments[2], value, array.dtype), pointer)
+        stored.set_metadata("alias.scope", _results_scope(builder))
+
+    return types.none, emit
+
+
 @intrinsic(lambda array, i: tuple(_flat(array)[i : i + 4]))
 def load4(array: types.Type, i: types.Type) -> Any:
     """Four float32 in one load from `array.flat[i]`, i a multiple of 4; of memory that no kernel writes."""
@@ -92,6 +132,15 @@ def load4(array: types.Type, i: types.Type) -> Any:
 
     def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
         pointer = element_pointer(context, builder, array, arguments[0], arguments[1], i)
+        if not is_gpu(context):
+            # One after the other: LLVM joins them where that is good, and gathers them where it takes many rounds.
+            result = ir.Constant(context.get_value_type(signature.return_type), ir.Undefined)
+            for k in range(4):
+                value = builder.load(builder.gep(pointer, [ir.Constant(INT, k)]))
+                value.set_metadata("invariant.load", builder.module.add_metadata([]))
+                value.set_metadata("noalias", _results_scope(builder))
+                result = builder.insert_value(result, value, k)
+            return result
         vector = builder.load(builder.bitcast(pointer, ir.VectorType(FLOAT, 4).as_pointer()), align=16)
         vector.set_metadata("invariant.load", builder.module.add_metadata([]))
         return _unpacked(context, builder, signature, vector)

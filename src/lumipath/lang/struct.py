@@ -34,10 +34,19 @@ class StructType(types.Type):
 
 
 class StructModel(models.StructModel):
-    """Data model of a `@struct`: its fields, in order."""
+    """Data model of a `@struct`: its fields, in order, and what lies between them.
+
+    LLVM moves a struct as one piece where it would leave gaps otherwise, and neither takes it apart afterwards nor
+    compiles a loop with it for many rounds at once. So the bytes after a bool are fields, too.
+    """
 
     def __init__(self, manager: Any, kind: StructType) -> None:
-        super().__init__(manager, kind, list(kind.fields))
+        members: list[tuple[str, types.Type]] = []
+        for name, field in kind.fields:
+            members.append((name, field))
+            if field == types.boolean:
+                members += [(f"_after_{name}_{k}", types.uint8) for k in range(3)]
+        super().__init__(manager, kind, members)
 
 
 def numba_type(annotation: Any) -> types.Type:
@@ -121,4 +130,4 @@ def _install_attributes(target: Target) -> None:
 
     @target.imputils.lower_getattr_generic(StructType)
     def read_field(context: Any, builder: ir.IRBuilder, kind: StructType, value: ir.Value, attribute: str) -> ir.Value:
-        return builder.extract_value(value, kind.index(attribute))
+        return builder.extract_value(value, context.data_model_manager[kind].get_field_position(attribute))
