@@ -9,6 +9,12 @@ import pytest
 
 # `kernel_calls`, `renders` and `judging` serve the unit tests and the golden images too.
 sys.path.insert(0, str(Path(__file__).parent / "physics"))
+sys.path.insert(0, str(Path(__file__).parent))
+
+import small_memory
+
+# Before test modules take `compile_ptx` by name.
+small_memory.install()
 
 DEVICES = ["cpu", "cuda"]
 

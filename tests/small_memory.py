@@ -1,0 +1,53 @@
+"""Compiles in child processes: a compiler keeps some 80 MB of each program it has made, and tests make hundreds."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from typing import Any
+
+from numba.core.dispatcher import Dispatcher
+
+from lumipath.lang import cuda
+from lumipath.lang.cache import KernelCache
+
+compile_here, ptx_here = Dispatcher.compile, cuda.compile_ptx
+
+
+def in_child(work: Any) -> Any:
+    """What `work()` returns in a copy of this process, whose memory goes when it ends; None where it fails there."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            answer = pickle.dumps(work())
+            with os.fdopen(writer, "wb") as pipe:
+                pipe.write(answer)
+        finally:
+            os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as pipe:
+        answer = pipe.read()
+    os.waitpid(child, 0)
+    return pickle.loads(answer) if answer else None
+
+
+def compile_in_child(dispatcher: Dispatcher, signature: Any) -> Any:
+    """A child compiles what is kept on disk, and this process loads it from there; or does it itself, and fails."""
+    if isinstance(dispatcher._cache, KernelCache) and not dispatcher.overloads.get(tuple(signature)):
+        in_child(lambda: compile_here(dispatcher, signature) and None)
+    return compile_here(dispatcher, signature)
+
+
+def ptx_in_child(*arguments: Any) -> str:
+    """As `compile_ptx`."""
+    return in_child(lambda: ptx_here(*arguments)) or ptx_here(*arguments)
+
+
+def install() -> None:
+    """Compile in children from now on, where there is a `fork`, and no GPU whose context would be copied."""
+    from lumipath.devices import list_devices
+
+    if hasattr(os, "fork") and all(info.kind == "cpu" for info in list_devices()):
+        Dispatcher.compile = compile_in_child
+        cuda.compile_ptx = ptx_in_child
