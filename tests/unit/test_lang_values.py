@@ -228,7 +228,7 @@ def test_memory_is_read_and_written_where_it_should():
     np.testing.assert_array_equal(floats, [[7654, 3.5, 5], [0, 0, 11]])
     np.testing.assert_array_equal(ints, [2, 0, 0, 7])
     again = np.zeros_like(floats), np.zeros_like(ints)
-    work(source, *again)
+    work(source, *again, np.zeros(2, np.float32))
     np.testing.assert_array_equal(again[0], floats)
     np.testing.assert_array_equal(again[1], ints)
 

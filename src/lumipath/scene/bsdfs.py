@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from attrs import field, frozen
@@ -74,7 +75,7 @@ class Inside:
 
 
 @frozen(eq=False, kw_only=True)
-class Appearance:
+class Appearance(ABC):
     """What all materials of this page have in common.
 
     Args:
@@ -143,9 +144,9 @@ class Appearance:
         """What light that goes through comes into; None for surfaces that enclose no other medium."""
         return None
 
+    @abstractmethod
     def as_lobes(self) -> Material:
         """The sum-of-lobes material nearest to this one: what Whitted ray tracing and looks at albedo see."""
-        raise NotImplementedError
 
 
 @frozen(eq=False, kw_only=True)
