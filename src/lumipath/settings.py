@@ -15,7 +15,7 @@ from attrs import field, frozen
 from .errors import UsageError
 
 INTEGRATORS = ("path", "whitted", "albedo", "normal", "depth", "ao")
-SAMPLERS = ("sobol", "independent")
+SAMPLERS = ("sobol", "blue-noise", "independent")
 HEMISPHERES = ("cosine", "uniform")
 FRESNELS = ("exact", "schlick")
 LIGHT_SAMPLINGS = ("auto", "uniform", "power", "tree")

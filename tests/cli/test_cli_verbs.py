@@ -49,7 +49,7 @@ class TestTop:
         assert "-s, --spp N Samples per pixel at most; 64 by default" in out
         assert "-r, --max-depth N Scattering events per path;" in out
         assert "[default 12]" in out
-        assert "--sampler sobol|independent Random numbers. [default sobol]" in out
+        assert "--sampler sobol|blue-noise|independent Random numbers. [default sobol]" in out
         assert "--rr-depth N|off" in out
 
     def test_a_reader_that_goes_away_is_no_error(self):

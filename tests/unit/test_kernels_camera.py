@@ -21,7 +21,7 @@ PACKED = pack_scene(Scene(shapes=[Sphere()])).scene
 
 def _ray(pair, column, row, a, b, c, d):
     scene, view = pair
-    s = camera_sample(scene, view, column, row, Numbers(a, b, c, d))
+    s = camera_sample(scene, view, column, row, Numbers(c, d, a, b))
     r = s.ray
     return r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z, r.tmax, s.weight
 

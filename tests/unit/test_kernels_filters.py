@@ -52,7 +52,7 @@ draw_pixel = looped(_draw_pixel, outputs=3, scene=True)
 def _middle(pair, unused):
     scene, view = pair
     numbers = central_numbers()
-    s = filter_sample(scene, view, numbers.a, numbers.b)
+    s = filter_sample(scene, view, numbers.c, numbers.d)
     return s.x, s.y, s.weight
 
 

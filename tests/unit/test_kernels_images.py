@@ -275,7 +275,7 @@ def test_an_estimate_of_the_light_of_the_whole_environment_is_right_and_has_litt
 
 def _ray(pair, column, row, a, b, c, d):
     scene, view = pair
-    r = camera_ray(scene, view, column, row, Numbers(a, b, c, d))
+    r = camera_ray(scene, view, column, row, Numbers(c, d, a, b))
     return r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z, r.tmax
 
 

@@ -10,7 +10,7 @@ from ..accel.packets import trace_rays
 from ..kernels.adaptive import add_square, goal_of, square_of
 from ..kernels.light_layers import all_columns, light_columns, squares_to_layer, to_layers
 from ..kernels.path import start_path
-from ..kernels.sampler import camera_numbers
+from ..kernels.sampler import camera_numbers, sample_number
 from ..lang import INF, Vec3, entry, fetch_add, i32, kernel, load, read_clock, store, u32
 from ..pack.layout import GROUPS, TILE
 from .cpu_arrays import BATCH, STRIDE, add_light, put_in_batch, store_path, store_vec3, vec3_at
@@ -30,12 +30,12 @@ def generate(scene, view, batch, column, row, columns, rows, first, samples):
     n = i32(0)
     for y in range(rows):
         for x in range(columns):
-            pixel = u32((row + y) * view.width + column + x)
             for s in range(samples):
                 sample = u32(view.first_sample + u32(first + s))
-                numbers = camera_numbers(scene, pixel, sample, view.seed)
+                number = sample_number(scene, view, i32(column + x), i32(row + y), sample)
+                numbers = camera_numbers(scene, number.pixel, number.sample, view.seed)
                 path = start_path(scene, view, i32(column + x), i32(row + y), numbers)
-                store_path(batch, n, path, n, pixel, sample)
+                store_path(batch, n, path, n, number.pixel, number.sample)
                 store_vec3(batch.gathered.red, batch.gathered.green, batch.gathered.blue, n, Vec3(0, 0, 0))
                 n = i32(n + 1)
     return n

@@ -7,6 +7,7 @@ from ..kernels.adaptive import add_square, goal_of, square_of
 from ..kernels.integrators import estimate
 from ..kernels.layers import add_samples_of_layers
 from ..kernels.light_layers import squares_to_layer
+from ..kernels.sampler import sample_number
 from ..lang import INF, entry, fetch_add, i32, kernel, load, store, u32
 from ..pack.layout import LAYERS, TILE
 from .cpu_batch import CANCELLED, FINISHED_TILES, NEXT_TILE, REJECTED
@@ -16,11 +17,11 @@ from .cpu_film import add_to_film, put_in_film
 @kernel
 def render_pixel(scene, view, film, column, row, place, last):
     """Bring a pixel up to `last` samples; returns how many were not finite and counted as black."""
-    pixel = u32(row * view.width + column)
     first = i32(load(film.counts, place))
     rejected = 0
     for sample in range(first, last):
-        c = estimate(scene, view, trace_ray, column, row, pixel, u32(view.first_sample + u32(sample)))
+        number = sample_number(scene, view, column, row, u32(view.first_sample + u32(sample)))
+        c = estimate(scene, view, trace_ray, column, row, number.pixel, number.sample)
         if abs(c.x + c.y + c.z) < INF:
             add_to_film(film, place * 3, c.x)
             add_to_film(film, place * 3 + 1, c.y)

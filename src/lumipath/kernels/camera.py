@@ -152,7 +152,7 @@ def lens_ray(scene, view, aim, numbers):
     aperture = load4(lens, 0)[3]
     focus = load4(lens, 4)[3]
     in_focus = aim.d * focus
-    u, v = lens_point(scene, view, numbers.c, numbers.d)
+    u, v = lens_point(scene, view, numbers.a, numbers.b)
     start = aim.right * (u * aperture) + aim.up * (v * aperture)
     return ray_of(aim, aim.o + start, in_focus - start)
 
@@ -176,7 +176,7 @@ def shifted(scene, view, x, y):
 @kernel
 def camera_sample(scene, view, column, row, numbers):
     """A ray of pixel (column, row) of the full image, row 0 at the top, and its weight; numbers of `camera_numbers`."""
-    place = filter_sample(scene, view, numbers.a, numbers.b)
+    place = filter_sample(scene, view, numbers.c, numbers.d)
     half_height = load4(view.lens, 8)[3]
     half_width = load4(view.lens, 12)[3]
     x = (2.0 * (f32(column) + place.x) / f32(view.width) - 1.0) * half_width
@@ -201,7 +201,7 @@ def pixel_spread(view):
 @kernel
 def central_numbers():
     """The middle of the pixel, and of the lens, round or not: there its points begin."""
-    return Numbers(0.5, 0.5, 0.0, 0.0)
+    return Numbers(0.0, 0.0, 0.5, 0.5)
 
 
 # ---- distances -------------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from .media import has_inside, medium_beyond, transmittance
 from .mixes import emitting_material
 from .punctual import with_suns
 from .rays import endless_ray, offset_point
-from .sampler import camera_numbers, choice_numbers, dielectric_number
+from .sampler import camera_numbers, choice_numbers, dielectric_number, sample_number
 from .vectors import black, dot, frame_around, mean_component, to_local, to_world, white
 
 # Mirrors and glass that are looked through. What is behind more of them counts as white.
@@ -238,14 +238,13 @@ def add_samples_of_layers(scene, view, trace, layers, column, row, place, first,
         first: of the samples, counted from the first one of the render.
         last: one more than the last of them.
     """
-    pixel = u32(row * view.width + column)
     total = no_hit()
     # The middle is one turn more, so that there is one place that traces.
     for turn in range(first - 1 if first == 0 else first, last):
-        sample = u32(view.first_sample + u32(max(turn, 0)))
-        numbers = central_numbers() if turn < 0 else camera_numbers(scene, pixel, sample, view.seed)
+        number = sample_number(scene, view, column, row, u32(view.first_sample + u32(max(turn, 0))))
+        numbers = central_numbers() if turn < 0 else camera_numbers(scene, number.pixel, number.sample, view.seed)
         ray = camera_ray(scene, view, column, row, numbers)
-        found = first_hit(scene, view, trace, ray, pixel, sample)
+        found = first_hit(scene, view, trace, ray, number.pixel, number.sample)
         if turn < 0:
             store(layers.primitives, place, found.primitive)
             store_instance(scene, layers, place, found.instance)

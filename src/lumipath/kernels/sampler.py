@@ -1,14 +1,19 @@
 """Random numbers as a function of pixel, sample, dimension and seed, so that an image depends on nothing else.
 
-Two samplers. `sobol`: pairs of dimensions from the (0, 2)-sequence of Sobol, each pair shuffled and Owen-scrambled by
-hashes (Burley 2020, Practical Hash-based Owen Scrambling). `independent`: the hash pcg4d (Jarzynski and Olano 2020,
-Hash Functions for GPU Rendering).
+Three samplers. `sobol`: the first four dimensions of Sobol's sequence, again and again, each time shuffled and
+Owen-scrambled by hashes (Burley 2020, Practical Hash-based Owen Scrambling). `blue-noise`: the same, with one sequence
+for all pixels along a Z-order curve, so that pixels near each other repel like samples of one pixel do (Ahmed and Wonka
+2020, Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels).
+`independent`: the hash pcg4d (Jarzynski and Olano 2020, Hash Functions for GPU Rendering).
 """
 
 from __future__ import annotations
 
 from ..lang import f32, i32, kernel, reverse_bits, struct, u32
-from ..pack.layout import INDEPENDENT_SAMPLER
+from ..pack.layout import BLUE_NOISE, INDEPENDENT_SAMPLER
+
+# Of a point's number, in the third and fourth dimension.
+_BITS = 16
 
 
 @struct
@@ -19,6 +24,14 @@ class Numbers:
     b: f32
     c: f32
     d: f32
+
+
+@struct
+class SampleNumber:
+    """What random numbers know of a sample."""
+
+    pixel: u32  # which sequences
+    sample: u32  # which of their points
 
 
 @kernel
@@ -35,6 +48,39 @@ def hash32(x):
     x = u32(x ^ (x >> u32(15)))
     x = u32(x * u32(0x846CA68B))
     return u32(x ^ (x >> u32(16)))
+
+
+@kernel
+def spread_bits(x):
+    """The lower 16 bits of x on the even places, zeros between them."""
+    x = u32((x | (x << u32(8))) & u32(0x00FF00FF))
+    x = u32((x | (x << u32(4))) & u32(0x0F0F0F0F))
+    x = u32((x | (x << u32(2))) & u32(0x33333333))
+    return u32((x | (x << u32(1))) & u32(0x55555555))
+
+
+@kernel
+def sample_of_pixel(scene, view, column, row, sample):
+    """Sequences of its own for each pixel."""
+    return SampleNumber(u32(row * view.width + column), u32(sample))
+
+
+@kernel(needs=BLUE_NOISE, otherwise=sample_of_pixel)
+def sample_number(scene, view, column, row, sample):
+    """The number of a sample of a pixel of the full image.
+
+    All pixels share one sequence: 2 ** sample_bits points for each, pixel after pixel along the Z-order curve. To
+    shuffle and to scramble it is to turn the parts of each square of pixels about, and the samples in a pixel. More
+    samples than that, and what does not fit into 32 bits of an image, are other sequences.
+    """
+    bits = view.sample_bits
+    place = u32(spread_bits(u32(column)) | (spread_bits(u32(row)) << u32(1)))
+    mask = u32((u32(1) << bits) - u32(1))
+    index = u32((place << bits) | (u32(sample) & mask))
+    # In two steps, since shifting by 32 is undefined.
+    beyond = u32((place >> u32(1)) >> u32(u32(31) - bits))
+    block = u32(u32(sample) >> bits)
+    return SampleNumber(u32(hash32(u32(block ^ u32(bits << u32(27)))) + beyond), index)
 
 
 @kernel
@@ -79,6 +125,37 @@ def sobol_second(i):
     return u32(i ^ (i >> u32(16)))
 
 
+@kernel
+def sobol_third(i):
+    """The third Sobol dimension of point i < 65536, its bits reversed: direction numbers of x^2 + x + 1.
+
+    Bratley and Fox 1988, Algorithm 659; the first of the direction numbers are those of Joe and Kuo 2008. Bit-reversed,
+    what their recurrences shift to the right goes to the left.
+    """
+    x = u32(0)
+    v = u32(0b1)
+    after = u32(0b11)
+    for _ in range(_BITS):
+        x = u32(x ^ (v if (i & u32(1)) != u32(0) else u32(0)))
+        v, after = after, u32(after ^ v ^ (v << u32(2)))
+        i = u32(i >> u32(1))
+    return x
+
+
+@kernel
+def sobol_fourth(i):
+    """The fourth Sobol dimension of point i < 65536, its bits reversed: as `sobol_third`, of x^3 + x + 1."""
+    x = u32(0)
+    v = u32(0b1)
+    after = u32(0b11)
+    last = u32(0b100)
+    for _ in range(_BITS):
+        x = u32(x ^ (v if (i & u32(1)) != u32(0) else u32(0)))
+        v, after, last = after, last, u32(after ^ v ^ (v << u32(3)))
+        i = u32(i >> u32(1))
+    return x
+
+
 @struct
 class Pair:
     """Two numbers in [0, 1)."""
@@ -88,14 +165,36 @@ class Pair:
 
 
 @kernel
-def sobol_pair(reversed_sample, key):
-    """Point of a scrambled (0, 2)-sequence; each key has its own order and its own scrambling."""
-    # The shuffled number of the point; bit-reversed it is the first dimension, so that reversal cancels below.
-    i = reverse_bits(laine_karras(reversed_sample, key))
-    scramble = hash32(key ^ u32(0xA511E9B3))
-    first = reverse_bits(laine_karras(i, scramble))
-    second = reverse_bits(laine_karras(sobol_second(i), u32(u32(scramble * u32(0x85EBCA6B)) + u32(1))))
+def shuffled(reversed_sample, key):
+    """The number of a sample's point of a sequence."""
+    return reverse_bits(laine_karras(reversed_sample, key))
+
+
+@kernel
+def scrambled_pair(x, y, scramble):
+    """Two scrambled dimensions of which the bits are reversed."""
+    first = reverse_bits(laine_karras(x, scramble))
+    second = reverse_bits(laine_karras(y, u32(u32(scramble * u32(0x85EBCA6B)) + u32(1))))
     return Pair(unit_float(first), unit_float(second))
+
+
+@kernel
+def sobol_pair(reversed_sample, key):
+    """The first two dimensions, a (0, 2)-sequence; each key has its own order and its own scrambling."""
+    # Bit-reversed, the number of the point is the first dimension.
+    i = shuffled(reversed_sample, key)
+    return scrambled_pair(i, sobol_second(i), hash32(key ^ u32(0xA511E9B3)))
+
+
+@kernel
+def later_pair(reversed_sample, key):
+    """The third and the fourth dimension of the points of which `sobol_pair` gives the first two.
+
+    Of a point's number only 16 bits take part. The others choose the scrambling, so that no point ever comes again.
+    """
+    i = shuffled(reversed_sample, key)
+    low = u32(i & u32(0xFFFF))
+    return scrambled_pair(sobol_third(low), sobol_fourth(low), hash32(key ^ u32(0x63D83595) ^ (i >> u32(16))))
 
 
 @kernel
@@ -112,17 +211,20 @@ def sequence_key(pixel, seed, sequence):
 
 
 @kernel
-def four_sobol(scene, pixel, sample, seed, sequence):
+def four_sobol(scene, pixel, sample, seed, before, sequence):
     """Two pairs."""
     reversed_sample = reverse_bits(sample)
-    first = sobol_pair(reversed_sample, sequence_key(pixel, seed, sequence))
-    second = sobol_pair(reversed_sample, sequence_key(pixel, seed, u32(sequence + u32(1))))
+    first = later_pair(reversed_sample, sequence_key(pixel, seed, before))
+    second = sobol_pair(reversed_sample, sequence_key(pixel, seed, sequence))
     return Numbers(first.a, first.b, second.a, second.b)
 
 
 @kernel(needs=INDEPENDENT_SAMPLER, otherwise=four_sobol)
-def four_numbers(scene, pixel, sample, seed, sequence):
-    """Four numbers: (a, b) and (c, d) are each well spread over the samples of a pixel."""
+def four_numbers(scene, pixel, sample, seed, before, sequence):
+    """Four numbers: (a, b) and (c, d) are each well spread over the samples of a pixel.
+
+    So are (c, d) together with the (a, b) that have this sequence for the one before.
+    """
     return pcg4d(pixel, sample, sequence, seed)
 
 
@@ -142,27 +244,36 @@ def three_numbers(scene, pixel, sample, seed, sequence):
     return pcg4d(pixel, sample, sequence, seed)
 
 
-# A path draws from sequences 0 and 1 for the camera, then from eight for each bounce.
+# A path draws from sequences 0 and 1 for the camera, then from eight for each bounce. The direct light of a pixel or of
+# a bounce is an integral over four dimensions: where the path came to, and from which point of a light it is lit. One
+# sequence serves both, its first dimensions for the place, its later ones for the point.
 CAMERA_SEQUENCE = u32(0)
+LENS_SEQUENCE = u32(1)
 _PER_BOUNCE = u32(8)
 
 
 @kernel
 def camera_numbers(scene, pixel, sample, seed):
-    """(a, b): position in the pixel; (c, d): position on the lens."""
-    return four_numbers(scene, pixel, sample, seed, CAMERA_SEQUENCE)
+    """(a, b): position on the lens; (c, d): position in the pixel."""
+    return four_numbers(scene, pixel, sample, seed, LENS_SEQUENCE, CAMERA_SEQUENCE)
 
 
 @kernel
 def direction_sequence(depth):
-    """The sequence of `direction_numbers`."""
+    """The sequence of the direction in which a path goes on at this depth."""
     return u32(u32(depth) * _PER_BOUNCE + u32(2))
+
+
+@kernel
+def sequence_before(depth):
+    """The sequence of what brought a path to this depth: the last direction, or the camera."""
+    return u32(direction_sequence(depth) - _PER_BOUNCE) if depth > 0 else CAMERA_SEQUENCE
 
 
 @kernel
 def direction_numbers(scene, pixel, sample, seed, depth):
     """(a, b): point on a light; (c, d): direction of the path."""
-    return four_numbers(scene, pixel, sample, seed, direction_sequence(depth))
+    return four_numbers(scene, pixel, sample, seed, sequence_before(depth), direction_sequence(depth))
 
 
 @kernel

@@ -15,6 +15,8 @@ from .filters import filter_numbers
 
 _OVERRIDES = ("projection", "aperture", "focus", "blades", "blade_rotation")
 
+_SAMPLERS = {"sobol": 0, "blue-noise": layout.BLUE_NOISE, "independent": layout.INDEPENDENT_SAMPLER}
+
 _PROJECTIONS = {
     "perspective": 0,
     "orthographic": layout.ORTHOGRAPHIC,
@@ -49,7 +51,7 @@ def camera_features(settings: RenderSettings, camera: Camera, *, signed: bool) -
         signed: whether samples may count negatively; else only the positive part of a filter is used.
     """
     camera = overridden(camera, settings)
-    mask = layout.INDEPENDENT_SAMPLER if settings.sampler == "independent" else 0
+    mask = _SAMPLERS[settings.sampler]
     mask |= layout.LENS if camera.aperture > 0 else 0
     mask |= layout.BLADES if camera.aperture > 0 and camera.blades > 0 else 0
     mask |= _PROJECTIONS[camera.projection]

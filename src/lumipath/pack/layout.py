@@ -43,6 +43,7 @@ FISHEYE = 1 << 26
 EQUISOLID = 1 << 27
 ROUND_LIGHTS = 1 << 28
 INSTANCES = 1 << 29
+BLUE_NOISE = 1 << 30
 
 # Integrators, one at a time; none of these bits is the path tracer.
 WHITTED = 1 << 32
@@ -331,6 +332,7 @@ class View(NamedTuple):
     film_height: i32
     seed: u32
     first_sample: u32  # number of the sample that the film's count 0 stands for
+    sample_bits: u32  # with BLUE_NOISE, 2 to the power of this many samples of a pixel belong together
     max_depth: i32
     rr_depth: i32
     ao_distance: f32  # metres; 0: follows from the scene's extent

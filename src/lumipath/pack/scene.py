@@ -27,6 +27,9 @@ from .sky import far_light
 _MAX_PRIMITIVES = 1 << 29
 # Links of the GPU's trees have so many bits for them.
 _MAX_INSTANCES = 1 << 26
+# What blue noise takes for the number of samples where the clock or the noise ends a render, and its longest runs.
+_SOME_SAMPLES = 64
+_MOST_SAMPLE_BITS = 16
 
 
 @frozen(eq=False)
@@ -231,6 +234,11 @@ def settings_features(settings: RenderSettings, camera: Camera) -> int:
     return mask
 
 
+def _sample_bits(settings: RenderSettings) -> int:
+    """How many samples of a pixel belong together, as a power of two: all that are wanted; many if nobody knows."""
+    return min(((settings.total_samples or _SOME_SAMPLES) - 1).bit_length(), _MOST_SAMPLE_BITS)
+
+
 def pack_view(camera: Camera, settings: RenderSettings) -> View:
     """Camera, film and limits.
 
@@ -256,6 +264,7 @@ def pack_view(camera: Camera, settings: RenderSettings) -> View:
         film_height=i32(bottom - top),
         seed=u32(settings.seed),
         first_sample=u32(settings.first_sample),
+        sample_bits=u32(_sample_bits(settings)),
         max_depth=i32(max_depth),
         rr_depth=i32(settings.rr_depth if settings.rr_depth is not None else 1 << 30),
         ao_distance=f32(settings.ao_distance or 0.0),

@@ -17,7 +17,15 @@ from ...accel.walk import DONE, IDLE, go_on, idle, leaf_step, node_step, start_w
 from ...kernels.adaptive import add_square, square_of, takes
 from ...kernels.path import no_path, shade, start_path
 from ...kernels.rays import Hit, no_ray
-from ...kernels.sampler import CAMERA_SEQUENCE, direction_sequence, four_numbers
+from ...kernels.sampler import (
+    CAMERA_SEQUENCE,
+    LENS_SEQUENCE,
+    SampleNumber,
+    direction_sequence,
+    four_numbers,
+    sample_number,
+    sequence_before,
+)
 from ...kernels.vectors import black
 from ...lang import Vec3, i32, kernel, stack_ints, struct, u32
 from ...lang.cuda import cuda_entry
@@ -37,19 +45,25 @@ _ALL_SUMS = BLOCK * 4
 class Lane:
     """The sample that a lane works on."""
 
-    pixel: u32  # number in the full image
+    number: SampleNumber
     which: i32  # number of the pixel in the tile; -1: no sample
-    sample: u32
     light: Vec3
 
 
 @kernel
-def deal(view, tile, turn):
-    """The lane that takes a sample of the tile: turn 0 the first one of the first pixel, 1 that of the second one."""
+def sample_of_turn(tile, turn):
+    """The sample that is dealt in a turn: in turn 0 the first one of the first pixel, in turn 1 that of the second."""
+    return u32(tile.first + (turn >> u32(5)))
+
+
+@kernel
+def deal(scene, view, tile, turn):
+    """The lane that takes the sample of a turn."""
     which = i32(turn & u32(31))
-    pixel = u32((view.top + tile.row + (which >> 3)) * view.width + view.left + tile.column + (which & 7))
-    there = is_on_film(view, tile, which)
-    return Lane(pixel, which if there else i32(-1), u32(tile.first + (turn >> u32(5))), black())
+    column = i32(view.left + tile.column + (which & 7))
+    row = i32(view.top + tile.row + (which >> 3))
+    number = sample_number(scene, view, column, row, sample_of_turn(tile, turn))
+    return Lane(number, which if is_on_film(view, tile, which) else i32(-1), black())
 
 
 @kernel
@@ -93,7 +107,7 @@ def halt(walk):
 @kernel
 def lit(lane, light):
     """The lane with more light."""
-    return Lane(lane.pixel, lane.which, lane.sample, lane.light + light)
+    return Lane(lane.number, lane.which, lane.light + light)
 
 
 @kernel
@@ -106,18 +120,19 @@ def shade_lane(scene, view, work, tile, sums, turn, walk, path, lane):
     """
     if not path.alive:
         bank(scene, work, sums, lane)
-        lane = deal(view, tile, turn)
+        lane = deal(scene, view, tile, turn)
+    before = sequence_before(path.depth) if path.alive else LENS_SEQUENCE
     sequence = direction_sequence(path.depth) if path.alive else CAMERA_SEQUENCE
-    numbers = four_numbers(scene, lane.pixel, lane.sample, view.seed, sequence)
+    numbers = four_numbers(scene, lane.number.pixel, lane.number.sample, view.seed, before, sequence)
     if not path.alive:
-        if lane.sample >= tile.last:
+        if sample_of_turn(tile, turn) >= tile.last:
             return idle(walk), path, lane, False, black()
         if lane.which < 0:
             return walk, path, lane, False, black()
         path = camera_path(scene, view, tile, lane, numbers)
         return start_walk(path.ray), path, lane, False, black()
     hit = Hit(walk.ray.tmax, walk.primitive, walk.instance)
-    step = shade(scene, view, path, hit, numbers, lane.pixel, lane.sample)
+    step = shade(scene, view, path, hit, numbers, lane.number.pixel, lane.number.sample)
     shadow = step.shadow.tmax > 0.0
     walk = start_walk(step.shadow if shadow else step.path.ray)
     walk = walk if shadow | step.path.alive else halt(walk)
@@ -187,7 +202,7 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int, ada
         # The whole warp: it has one tile.
         if not takes(scene, view, film, tile.column, tile.row, work.first):
             return
-        lane = Lane(u32(0), i32(-1), u32(0), black())
+        lane = Lane(SampleNumber(u32(0), u32(0)), i32(-1), black())
         path = no_path()
         walk = halt(start_walk(no_ray()))
         dealt = u32(0)
@@ -237,7 +252,7 @@ def make_refill(stack_size: int, threshold: int, adaptive: bool = False) -> Any:
         # The whole warp: it has one tile.
         if not takes(scene, view, film, tile.column, tile.row, work.first):
             return
-        lane = Lane(u32(0), i32(-1), u32(0), black())
+        lane = Lane(SampleNumber(u32(0), u32(0)), i32(-1), black())
         path = no_path()
         walk = halt(start_walk(no_ray()))
         dealt = u32(0)

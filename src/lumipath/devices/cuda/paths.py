@@ -16,7 +16,7 @@ from ...kernels.emitted_layers import emitted_to_layers
 from ...kernels.light_layers import squares_to_layer, to_layers
 from ...kernels.path import shade, start_path
 from ...kernels.rays import no_ray
-from ...kernels.sampler import camera_numbers, direction_numbers
+from ...kernels.sampler import camera_numbers, direction_numbers, sample_number
 from ...kernels.vectors import black
 from ...lang import f32, i32, kernel, stack_ints, u32
 from ...lang.cuda import cuda_entry
@@ -30,7 +30,8 @@ def make_paths(stack_size: int) -> Any:
     @kernel
     def path_sample(scene, view, work, film, column, row, place, sample):
         """The light of one sample; what is not finite is left out, here as in the layers."""
-        pixel = u32(row * view.width + column)
+        number = sample_number(scene, view, column, row, sample)
+        pixel, sample = number.pixel, number.sample
         path = start_path(scene, view, column, row, camera_numbers(scene, pixel, sample, view.seed))
         stack = stack_ints(stack_size)
         light = black()

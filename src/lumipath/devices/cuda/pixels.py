@@ -10,6 +10,7 @@ from ...accel.walk import walk_to_end
 from ...kernels.adaptive import add_square, square_of, takes
 from ...kernels.integrators import estimate
 from ...kernels.light_layers import squares_to_layer
+from ...kernels.sampler import sample_number
 from ...kernels.vectors import black
 from ...lang import f32, i32, kernel, stack_ints, u32
 from ...lang.cuda import cuda_entry
@@ -36,7 +37,8 @@ def make_pixels(stack_size: int) -> Any:
             light = black()
             squares = f32(0.0)
             for sample in range(tile.first, tile.last):
-                seen = estimate(scene, view, trace, x, y, u32(y * view.width + x), u32(sample))
+                number = sample_number(scene, view, x, y, u32(sample))
+                seen = estimate(scene, view, trace, x, y, number.pixel, number.sample)
                 seen = finite_or_counted(work.counters, seen)
                 light = light + seen
                 squares = f32(squares + square_of(scene, seen))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...accel.walk import DONE, IDLE, go_on, idle, leaf_step, node_step, start_walk
 from ...kernels.path import Path, shade, start_path
 from ...kernels.rays import Hit, Ray, endless_ray, no_ray
-from ...kernels.sampler import camera_numbers, direction_numbers
+from ...kernels.sampler import camera_numbers, direction_numbers, sample_number
 from ...kernels.vectors import black, xyz
 from ...lang import INF, as_float, as_int, i32, kernel, load, read4, stack_ints, store, u32, write4
 from ...lang.cuda import cuda_entry
@@ -91,7 +91,8 @@ def new_path(scene, view, column, row, sample):
     """The camera path of a sample of a place on the film."""
     x = i32(view.left + column)
     y = i32(view.top + row)
-    numbers = camera_numbers(scene, u32(y * view.width + x), sample, view.seed)
+    number = sample_number(scene, view, x, y, sample)
+    numbers = camera_numbers(scene, number.pixel, number.sample, view.seed)
     return start_path(scene, view, x, y, numbers)
 
 
@@ -239,11 +240,11 @@ def wf_shade(scene, view, film, wave):
         sample = u32(as_int(t[3]))
         depth = as_int(d[3])
         column, row = place_of(u32(wave.base + slot), view.film_width)
-        pixel = u32((view.top + row) * view.width + view.left + column)
+        number = sample_number(scene, view, i32(view.left + column), i32(view.top + row), sample)
         path = Path(Ray(xyz(o), xyz(d), INF), xyz(t), o[3], depth, as_int(light[3]), True)
-        numbers = direction_numbers(scene, pixel, sample, view.seed, depth)
+        numbers = direction_numbers(scene, number.pixel, number.sample, view.seed, depth)
         hit = Hit(found[0], as_int(found[1]), as_int(found[2]))
-        step = shade(scene, view, path, hit, numbers, pixel, sample)
+        step = shade(scene, view, path, hit, numbers, number.pixel, number.sample)
         shadow = step.shadow
         direct = step.direct
         shadowed = shadow.tmax > 0.0
