@@ -66,6 +66,7 @@ class CpuDevice:
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or usable_cores()
+        self.tree_options: dict[str, Any] = {**TREE_OPTIONS, "threads": self.threads}
         self.name = f"{processor_name()}, {self.threads} thread{'s' if self.threads > 1 else ''}"
         self._batches = [new_batch() for _ in range(self.threads)]
         self._control = np.zeros(4, np.int64)

@@ -30,6 +30,8 @@ class Device(Protocol):
     name: str
     even_counts: bool
     """Whether a pass must find the same number of samples in every pixel that it adds to."""
+    tree_options: dict[str, Any]
+    """Of `build_tree`, for the trees that it walks."""
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and bring everything to where kernels read it."""

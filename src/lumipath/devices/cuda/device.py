@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,6 @@ from .schedulers import Megakernel, Scheduler, Wavefront
 
 # Below this many primitives a binary tree that is walked to its end is faster than voting over a wide one (measured).
 SMALL_SCENE = 2000
-TREE_OPTIONS = {"max_leaf": MAX_LEAF, "block": 1}
-"""Of `build_tree`, for trees that GPUs walk."""
 _SLICE_SECONDS = 0.05
 _WORKERS_PER_GPU = 2
 # How often progress is told.
@@ -136,6 +134,7 @@ class CudaDevice:
 
     kind = "cuda"
     even_counts = True
+    tree_options: ClassVar = {"max_leaf": MAX_LEAF, "block": 1}
 
     def __init__(self, index: int | None = 0, kernel: str = "auto") -> None:
         gpus = [Gpu(number) for number in (range(device_count()) if index is None else (index,))]
@@ -173,7 +172,7 @@ class CudaDevice:
         geometry = packed.geometry
         lower, upper = geometry.bounds()
         wide = len(lower) > SMALL_SCENE
-        trees = build_trees(lower, upper, geometry.instancing, **TREE_OPTIONS)
+        trees = build_trees(lower, upper, geometry.instancing, **self.tree_options)
         sides, solid = geometry.two_sided, geometry.solid()
         accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
         self._stack = _STACK if depth <= _STACK else _DEEP_STACK
