@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import attrs
@@ -11,6 +12,7 @@ from parts import floor, moved, scaled, sphere_mesh
 
 from lumipath.devices import cpu
 from lumipath.errors import CheckpointError, LumipathError, SceneError, UsageError
+from lumipath.rendering import session as session_module
 from lumipath.rendering.session import Session
 from lumipath.scene import Camera, Group, Instance, Material, Mesh, Scene, smooth_normals, with_meshes
 
@@ -244,6 +246,22 @@ def test_deforming_in_the_middle_of_a_pass_begins_anew(animated, monkeypatch):
     assert (session.film.counts == SETTINGS["spp"]).all()
     after = with_meshes(scene, {mesh: attrs.evolve(mesh, vertices=bent(mesh, 0.3))})
     assert_alike(session.image(), shown(after, "cpu"))
+
+
+@pytest.mark.parametrize("anew", ["deform", "restart"])
+def test_beginning_anew_in_the_middle_of_a_pass_leaves_the_time_before_out(animated, monkeypatch, anew):
+    mesh, _, session = animated
+    clock = SimpleNamespace(now=0.0, perf_counter=lambda: clock.now)
+    monkeypatch.setattr(session_module, "time", clock)
+    monkeypatch.setattr(cpu, "_LOOK_SECONDS", 0.0005)
+    began = False
+    for _ in session:
+        clock.now += 1
+        if not began:
+            began = True
+            clock.now += 1000
+            session.deform({mesh: bent(mesh, 0.1)}) if anew == "deform" else session.restart(3)
+    assert 0 < session.render_seconds < 1000
 
 
 def test_restarting_keeps_the_frame(animated):
