@@ -18,7 +18,7 @@ from .bvh4 import INSTANCE_COUNT, TreeGPU, quantise, triangle_rows
 from .bvh8 import BVH8, EMPTY, INSTANCE_LINK, PRIMITIVE_MASK, sorting_grid, write_group
 
 WORST = 1.2
-"""A tree is built anew when its cost has grown by more than this factor since it was built."""
+"""Trees are built anew when the cost of one has grown by more than this factor since (decision 0022)."""
 
 
 class Moved(NamedTuple):
@@ -70,7 +70,7 @@ def refit_gpu(tree: TreeGPU, now: Moved, *, wide: bool) -> TreeGPU:
 
 
 def cpu_costs(tree: BVH8, roots: NDArray[np.int32]) -> NDArray[np.float64]:
-    """What `_costs` says of the CPU's trees."""
+    """Cost of each of the CPU's trees, that of the world first; `roots` of the others. See `_costs`."""
     # Axis, lower or upper, child.
     boxes = tree.nodes[:, :48].reshape(-1, 3, 2, 8)
     there = tree.nodes.view(np.int32)[:, 48:56] != EMPTY
@@ -78,7 +78,7 @@ def cpu_costs(tree: BVH8, roots: NDArray[np.int32]) -> NDArray[np.float64]:
 
 
 def gpu_costs(tree: TreeGPU, roots: NDArray[np.int32], *, wide: bool) -> NDArray[np.float64]:
-    """What `_costs` says of the GPU's trees, `wide` as for `gpu_tree`; boxes are those of 8 bits where they are."""
+    """The same of the GPU's trees, `wide` as for `gpu_tree`, where boxes are those of 8 bits."""
     nodes = tree.nodes
     if wide:
         steps = nodes.view(np.uint8)[:, 24:48].reshape(-1, 3, 2, 4)
