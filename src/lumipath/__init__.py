@@ -35,7 +35,8 @@ _HOMES = {
     "lumipath.rendering.checkpoint": ("Checkpoint",),
     "lumipath.rendering.image": ("Image",),
     "lumipath.rendering.merging": ("merge",),
-    "lumipath.rendering.session": ("Progress", "Session", "render"),
+    "lumipath.rendering.progress": ("Progress",),
+    "lumipath.rendering.session": ("Session", "render"),
     "lumipath.devices": ("list_devices",),
     "lumipath.scene": (
         "AmbientLight",

@@ -36,7 +36,8 @@ class TestTop:
         assert err == "lumipath: error: No such command 'rendr'. Did you mean 'render'?; see lumipath --help\n"
 
     @pytest.mark.parametrize(
-        "verb", ["render", "info", "scenes", "devices", "bench", "bench throughput", "bench figure1"]
+        "verb",
+        ["render", "info", "scenes", "devices", "bench", "bench throughput", "bench build", "bench figure1"],
     )
     def test_every_verb_has_help(self, lumipath, verb):
         assert lumipath(*verb.split(), "-h")[0] == 0

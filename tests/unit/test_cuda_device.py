@@ -8,6 +8,8 @@ import pytest
 
 pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
 
+from fake_gpus import GPUS, Gpu, HostArray, device_of, to_host
+
 from lumipath.devices import open_device
 from lumipath.devices.cuda import device as module
 from lumipath.devices.cuda import layers as layers_module
@@ -23,42 +25,7 @@ from lumipath.scene import Camera
 from lumipath.scenes import builtin
 from lumipath.settings import RenderSettings
 
-GPUS = 2
 PLANES = 3
-
-
-class Gpu:
-    name = "none"
-
-    def __init__(self, index):
-        self.index = index
-
-    def open(self):
-        pass
-
-    def synchronize(self):
-        pass
-
-
-class HostArray(np.ndarray):
-    """An array that is copied like one on a GPU."""
-
-    def download(self, target, first=0):
-        target[...] = self[first : first + len(target)]
-
-    def __new__(cls, shape, dtype):
-        return np.empty(shape, dtype).view(cls)
-
-    @staticmethod
-    def zeros(shape, dtype):
-        return np.zeros(shape, dtype).view(HostArray)
-
-    def upload(self, source):
-        self[: len(source)] = source
-
-    @staticmethod
-    def of(array):
-        return array.copy().view(HostArray)
 
 
 class Scene(NamedTuple):
@@ -98,21 +65,11 @@ class Scheduler:
 
 @pytest.fixture
 def device(monkeypatch):
-    monkeypatch.setattr(module, "Gpu", Gpu)
-    monkeypatch.setattr(module, "device_count", lambda: GPUS)
-    monkeypatch.setattr(module, "DeviceArray", HostArray)
-    monkeypatch.setattr(module, "to_device", to_host)
-    made = CudaDevice(None)
+    made = device_of(monkeypatch)
     made._uploaded = SCENE
     made._scenes = {number: to_host(SCENE) for number in range(GPUS)}
     schedule(made, Scheduler())
     return made
-
-
-def to_host(value):
-    if isinstance(value, np.ndarray):
-        return HostArray.of(value)
-    return type(value)(*(to_host(item) for item in value)) if isinstance(value, tuple) else value
 
 
 def schedule(device, scheduler):

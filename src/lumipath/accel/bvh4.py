@@ -94,7 +94,7 @@ def _binary_nodes(lower, upper, child, first, count, order, first_instance, node
 
 
 @compiled
-def _quantise(lower, upper, node, children, found, row, words):
+def quantise(lower, upper, node, children, found, row, words):
     """Write the boxes of a node's children as bytes on a grid over the node, rounded outwards."""
     for axis in range(3):
         extent = np.float64(upper[node, axis]) - lower[node, axis]
@@ -158,7 +158,7 @@ def _wide_nodes(lower, upper, child, first, count, order, first_instance, nodes)
             children[best] = left
             children[found] = left + 1
             found += 1
-        _quantise(lower, upper, node, children, found, nodes[row], words[row])
+        quantise(lower, upper, node, children, found, nodes[row], words[row])
         depth = level[waiting] + found - 1
         deepest = max(deepest, depth)
         for k in range(4):
@@ -178,7 +178,7 @@ def _wide_nodes(lower, upper, child, first, count, order, first_instance, nodes)
     return made, deepest
 
 
-def _triangles(
+def triangle_rows(
     order: NDArray[np.int32],
     vertices: NDArray[np.float32],
     faces: NDArray[np.int32],
@@ -227,7 +227,7 @@ def gpu_tree(
         below = [_nodes(tree, int(NO_INSTANCES), wide) for tree in trees.targets]
         nodes, roots = _concatenated([nodes, *(part for part, _ in below)], orders)
         deepest += WORLD_RAY + max(depth for _, depth in below)
-    rows = _triangles(np.concatenate(orders), vertices, faces, two_sided, solid)
+    rows = triangle_rows(np.concatenate(orders), vertices, faces, two_sided, solid)
     return TreeGPU(aligned(nodes), aligned(rows)), roots, deepest
 
 
@@ -260,7 +260,7 @@ def _single_leaf(tree: BinaryTree, nodes: NDArray[np.float32], wide: bool, first
     leaf = np.int32(_link_to(int(tree.first[0]), int(tree.count[0]), tree.order, first_instance))
     links = nodes.view(np.int32)
     if wide:
-        _quantise(tree.lower, tree.upper, 0, np.zeros(4, np.int32), 1, nodes[0], nodes.view(np.uint32)[0])
+        quantise(tree.lower, tree.upper, 0, np.zeros(4, np.int32), 1, nodes[0], nodes.view(np.uint32)[0])
         links[0, 12:16] = leaf, -1, -1, -1
         return
     (x0, y0, z0), (x1, y1, z1) = tree.lower[0], tree.upper[0]

@@ -106,7 +106,7 @@ def _sort_by_octant(lower, upper, node, children, count, slots):
 
 
 @compiled
-def _write_group(group, numbers, order, first, count, vertices, faces, two_sided, solid):
+def write_group(group, numbers, order, first, count, vertices, faces, two_sided, solid):
     """Corners and numbers of a leaf's primitives; what is no triangle, or has no area, gets corners at 0."""
     for k in range(8):
         numbers[k] = EMPTY
@@ -164,7 +164,7 @@ def _widen(lower, upper, child, first, count, order, vertices, faces, two_sided,
                 links[row, 48 + slot] = INSTANCE_LINK - (order[first[c]] - first_instance)
             else:
                 links[row, 48 + slot] = -2 - group_count
-                _write_group(
+                write_group(
                     groups[group_count],
                     numbers[group_count, 72:],
                     order,
@@ -201,7 +201,7 @@ def widen(
     if trees.targets:
         parts = [(nodes, groups), *(_widened(tree, shapes, int(NO_INSTANCES)) for tree in trees.targets)]
         nodes, groups, roots = _concatenated(parts)
-    return BVH8(aligned(nodes), aligned(groups), _sorting_grid(trees.world)), roots
+    return BVH8(aligned(nodes), aligned(groups), sorting_grid(trees.world.lower[0], trees.world.upper[0])), roots
 
 
 def _widened(tree: BinaryTree, shapes: tuple[NDArray[Any], ...], first_instance: int) -> tuple[NDArray, NDArray]:
@@ -224,10 +224,10 @@ def _concatenated(parts: list[tuple[NDArray, NDArray]]) -> tuple[NDArray, NDArra
     return nodes, groups, [int(node) for node in firsts[1:-1, 0]]
 
 
-def _sorting_grid(tree: BinaryTree) -> NDArray[np.float32]:
-    """See `BVH8.bounds`."""
-    extent = np.maximum(tree.upper[0].astype(np.float64) - tree.lower[0], 1e-30)
+def sorting_grid(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`BVH8.bounds` of a scene in a box from `lower` to `upper`, (3,) each."""
+    extent = np.maximum(upper.astype(np.float64) - lower, 1e-30)
     grid = np.zeros(8, np.float32)
-    grid[:3] = tree.lower[0]
+    grid[:3] = lower
     grid[4:7] = np.minimum(CELLS / extent, 1e30)
     return aligned(grid)

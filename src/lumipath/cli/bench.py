@@ -47,6 +47,29 @@ def throughput(
 
 
 @app.command()
+@with_setting_flags("threads", base=BENCH_SETTINGS)
+def build(
+    scene: SceneArgument,
+    device: DeviceOption = "auto",
+    gpu: GpuFlag = False,
+    repeat: Annotated[int, typer.Option(metavar="N", min=1, help="Measurements.")] = 3,
+    as_json: Annotated[bool, typer.Option("--json", help="As one JSON object.")] = False,
+    **flags: Any,
+) -> None:
+    """Seconds to prepare a scene, and to follow its meshes when they deform; bytes per triangle of each array."""
+    from ..bench.build import measure_build
+    from ._build import show_build
+
+    settings = settings_from(from_flags(flags), BENCH_SETTINGS)
+    place = device_from(device, gpu)
+    figures = measure_build(open_scene(scene), device=place, threads=settings.threads, repeat=repeat)
+    if as_json:
+        show_json(figures.as_dict())
+    else:
+        show_build(figures)
+
+
+@app.command()
 @with_setting_flags("threads", "seed", base=FIGURE1_SETTINGS)
 def figure1(
     scene: Annotated[

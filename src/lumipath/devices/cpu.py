@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..accel.bvh8 import WIDTH, widen
+from ..accel.refit import cpu_costs, is_worn, moved, refit_cpu
 from ..accel.two_level import build_trees
 from ..lang.host import usable_cores, vector_units
 from ..lang.kernel import compile_for
@@ -23,6 +25,9 @@ from .cpu_batch import CANCELLED, REJECTED, render_tiles
 from .cpu_pixels import render_pixels
 from .device import DeviceInfo
 from .interrupts import deferred_interrupts
+
+TREE_OPTIONS = {"max_leaf": WIDTH, "block": WIDTH}
+"""Of `build_tree`, for trees that the CPU walks."""
 
 _LOOK_SECONDS = 0.25
 
@@ -43,8 +48,7 @@ def with_cpu_tree(packed: Packed, threads: int | None = None) -> PackedScene:
     """The scene with the 8-wide tree that the CPU walks, built by so many threads (all cores where None)."""
     geometry = packed.geometry
     lower, upper = geometry.bounds()
-    options = {"max_leaf": WIDTH, "block": WIDTH, "threads": threads or usable_cores()}
-    trees = build_trees(lower, upper, geometry.instancing, **options)
+    trees = build_trees(lower, upper, geometry.instancing, **TREE_OPTIONS, threads=threads or usable_cores())
     accel, roots = widen(trees, geometry.vertices, geometry.faces, geometry.two_sided, geometry.solid())
     return packed.with_tree(accel, roots)
 
@@ -62,14 +66,27 @@ class CpuDevice:
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or usable_cores()
+        self.tree_options: dict[str, Any] = {**TREE_OPTIONS, "threads": self.threads}
         self.name = f"{processor_name()}, {self.threads} thread{'s' if self.threads > 1 else ''}"
         self._batches = [new_batch() for _ in range(self.threads)]
         self._control = np.zeros(4, np.int64)
         self._pool = ThreadPoolExecutor(self.threads, "lumipath", initializer=quiet_arithmetic)
+        self._built_costs: NDArray[np.float64] | None = None
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the 8-wide tree; the arrays stay where they are."""
+        self._built_costs = None
         return with_cpu_tree(packed, self.threads)
+
+    def refit(self, packed: Packed) -> PackedScene:
+        """Fit the tree to vertices that have moved, or build it anew; see `Device.refit`."""
+        before, roots = packed.scene.accel, packed.roots
+        if self._built_costs is None:
+            self._built_costs = cpu_costs(before, roots)
+        accel = refit_cpu(before, moved(packed.geometry))
+        if is_worn(cpu_costs(accel, roots), self._built_costs):
+            return self.upload(packed)
+        return packed.scene._replace(accel=accel)
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
         """Compile the renderer for this scene's features, or load it from the disk."""

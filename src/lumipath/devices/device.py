@@ -30,9 +30,18 @@ class Device(Protocol):
     name: str
     even_counts: bool
     """Whether a pass must find the same number of samples in every pixel that it adds to."""
+    tree_options: dict[str, Any]
+    """Of `build_tree`, for the trees that it walks."""
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and bring everything to where kernels read it."""
+
+    def refit(self, packed: Packed) -> PackedScene:
+        """Bring a scene whose vertices have moved since `upload`; then `compile` as after that.
+
+        `packed.scene` is made of what `upload` or `refit` last gave back, with the tree of then. This tree is fitted to
+        where the primitives are now, or built anew if that would make it too bad.
+        """
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
         """Compile the kernels for this scene's features, or load them from the disk."""

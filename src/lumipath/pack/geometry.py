@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
@@ -50,6 +52,11 @@ class Geometry:
 
     def face_normals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Unit normals (T, 3), 0 for triangles without area, and areas (T,) of the faces."""
+        return self._face_normals
+
+    @cached_property
+    def _face_normals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        # Three steps of packing ask for them, and they take longer than anything else in it.
         a, b, c = (self.vertices[self.faces[:, k]].astype(np.float64) for k in range(3))
         normals = np.cross(b - a, c - a)
         doubled = np.linalg.norm(normals, axis=1)
@@ -75,6 +82,10 @@ class Geometry:
 
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Lower and upper corners of the boxes around all primitives, where they are stored, each (P, 3) float32."""
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         lower = np.minimum(
             np.minimum(*(self.vertices[self.faces[:, k]] for k in (0, 1))), self.vertices[self.faces[:, 2]]
         )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import LumipathWarning, SceneError
 from ..kernels.whitted import MAX_LEVELS
 from ..lang import Features, aligned, f32, i32, u32
-from ..scene import Camera, Scene
+from ..scene import Camera, Light, Scene
 from ..settings import RenderSettings
 from . import layout
 from .camera import camera_features, lens_numbers, overridden
@@ -33,12 +33,39 @@ _MOST_SAMPLE_BITS = 16
 
 
 @frozen(eq=False)
+class Unmoved:
+    """What stays as it is when vertices move, beside the arrays of the packed scene: what it takes to pack it anew.
+
+    table: all materials; features: bits of `layout` of these; lights: those without a surface, the sun of a sky among
+    them; environment_mean: luminance; light_sampling: as in `RenderSettings`.
+    """
+
+    table: MaterialTable
+    features: int
+    lights: tuple[Light, ...]
+    environment_mean: float
+    light_sampling: str
+
+
+@frozen(eq=False)
 class Packed:
     """A packed scene without its tree, and what a tree is built from."""
 
     scene: PackedScene
     geometry: Geometry
-    material_names: tuple[str, ...]
+    unmoved: Unmoved
+
+    @property
+    def material_names(self) -> tuple[str, ...]:
+        """Names of the materials, in the order of their numbers."""
+        return tuple(material.name for material in self.unmoved.table.materials)
+
+    @property
+    def roots(self) -> NDArray[np.int32]:
+        """(I,) int32: where the tree begins that each instance places, in a scene that has had a tree."""
+        if self.geometry.instancing is None:
+            return np.zeros(0, np.int32)
+        return self.scene.instances.view(np.int32)[:, layout.INSTANCE_LINK]
 
     def with_tree(self, accel: Any, roots: list[int]) -> PackedScene:
         """The scene with a tree that a device walks, in which the trees of targets begin at the nodes `roots`."""
@@ -74,14 +101,13 @@ def pack_scene(scene: Scene, *, light_sampling: str = "auto", regularize: bool =
         warnings.warn(f"{scene.name} has no shapes: only its background is rendered", LumipathWarning, stacklevel=2)
     far, sun = far_light(scene.environment)
     environment = pack_environment(far) if far else no_environment()
-    radius = scene_radius(geometry)
-    lights = collect_lights(scene, [*scene.lights, *sun], geometry, table, radius, environment.mean, light_sampling)
+    lights = (*scene.lights, *sun)
     table.add_parts()
     bsdfs, bsdf_features = table.bsdf_rows()
     maps, map_features = table.map_rows()
     rows = table.rows()
     phong = table.phong_rows()
-    features = geometry.features | table.features() | bsdf_features | map_features | lights.features
+    features = table.features() | bsdf_features | map_features
     features |= layout.OPACITY if geometry.holes().any() else 0
     if len(table.materials) > int(layout.MATERIAL_MASK):
         raise SceneError(
@@ -90,21 +116,14 @@ def pack_scene(scene: Scene, *, light_sampling: str = "auto", regularize: bool =
     media = table.media(rows)
     features |= layout.NESTED if len(media) else 0
     textures, texels, texel_words = table.textures.arrays()
-    has_vertex_data = bool(features & layout.VERTEX_DATA)
-    corners = np.zeros((len(geometry.faces) if has_vertex_data else 0, 4), np.int32)
-    if has_vertex_data:
-        corners[:, :3] = geometry.faces
+    unmoved = Unmoved(table, features, lights, environment.mean, light_sampling)
+    moving = _moving(scene, geometry, unmoved)
+    features = moving["features"].mask
     packed = PackedScene(
-        features=Features(features),
+        **moving,
         accel=None,
-        primitives=aligned(_primitive_rows(geometry)),
-        corners=aligned(corners),
-        vertices=aligned(vertex_rows(geometry) if has_vertex_data else np.zeros((0, 8), np.float32)),
         vertex_materials=aligned(
             geometry.vertex_materials if features & layout.BLENDED_MATERIALS else np.zeros(0, np.int32)
-        ),
-        emitter_density=aligned(
-            lights.emitter_density if features & layout.SURFACE_LIGHTS else np.zeros(0, np.float32)
         ),
         quadrics=aligned(geometry.quadric_rows),
         instances=aligned(_instance_rows(geometry)),
@@ -120,21 +139,9 @@ def pack_scene(scene: Scene, *, light_sampling: str = "auto", regularize: bool =
         textures=aligned(textures),
         texels=aligned(texels),
         texel_words=aligned(texel_words),
-        lights=aligned(lights.rows),
-        light_count=i32(len(lights.rows)),
-        first_delta=i32(lights.first_delta),
-        delta_count=i32(lights.delta_count),
-        first_sun=i32(lights.first_sun),
-        sun_count=i32(lights.sun_count),
-        light_nodes=aligned(lights.nodes),
-        light_parents=aligned(lights.parents),
-        emitter_node=aligned(lights.emitter_node),
-        tree_probability=f32(lights.tree_probability),
-        first_infinite=i32(lights.first_infinite),
         ambient=aligned(ambient_light(scene)),
         light_groups=aligned(light_groups(scene, table)),
         group_count=i32(len(scene.light_groups)),
-        extent=f32(2 * radius),
         triangle_count=i32(len(geometry.faces)),
         environment=aligned(environment.texels),
         environment_rows=aligned(environment.rows),
@@ -142,9 +149,55 @@ def pack_scene(scene: Scene, *, light_sampling: str = "auto", regularize: bool =
         environment_frame=aligned(environment.frame),
         environment_width=i32(environment.width),
         environment_height=i32(environment.height),
-        environment_probability=f32(lights.environment_probability),
     )
-    return Packed(packed, geometry, tuple(material.name for material in table.materials))
+    return Packed(packed, geometry, unmoved)
+
+
+def repack_scene(scene: Scene, before: PackedScene, unmoved: Unmoved) -> Packed:
+    """Flatten a scene again of which only vertices and their normals have moved; the tree of `before` is left in place.
+
+    Args:
+        scene: with the same shapes, faces, materials, lights and environment as before.
+        before: what it was packed as, perhaps with a tree.
+        unmoved: of the same.
+    """
+    geometry = flatten(scene, unmoved.table)
+    return Packed(before._replace(**_moving(scene, geometry, unmoved)), geometry, unmoved)
+
+
+def _moving(scene: Scene, geometry: Geometry, unmoved: Unmoved) -> dict[str, Any]:
+    """The fields of a packed scene that depend on vertices."""
+    radius = scene_radius(geometry)
+    lights = collect_lights(
+        scene, unmoved.lights, geometry, unmoved.table, radius, unmoved.environment_mean, unmoved.light_sampling
+    )
+    features = geometry.features | unmoved.features | lights.features
+    has_vertex_data = bool(features & layout.VERTEX_DATA)
+    corners = np.zeros((len(geometry.faces) if has_vertex_data else 0, 4), np.int32)
+    if has_vertex_data:
+        corners[:, :3] = geometry.faces
+    return {
+        "features": Features(features),
+        "primitives": aligned(_primitive_rows(geometry)),
+        "corners": aligned(corners),
+        "vertices": aligned(vertex_rows(geometry) if has_vertex_data else np.zeros((0, 8), np.float32)),
+        "emitter_density": aligned(
+            lights.emitter_density if features & layout.SURFACE_LIGHTS else np.zeros(0, np.float32)
+        ),
+        "lights": aligned(lights.rows),
+        "light_count": i32(len(lights.rows)),
+        "first_delta": i32(lights.first_delta),
+        "delta_count": i32(lights.delta_count),
+        "first_sun": i32(lights.first_sun),
+        "sun_count": i32(lights.sun_count),
+        "light_nodes": aligned(lights.nodes),
+        "light_parents": aligned(lights.parents),
+        "emitter_node": aligned(lights.emitter_node),
+        "tree_probability": f32(lights.tree_probability),
+        "first_infinite": i32(lights.first_infinite),
+        "extent": f32(2 * radius),
+        "environment_probability": f32(lights.environment_probability),
+    }
 
 
 def _primitive_rows(geometry: Geometry) -> NDArray[np.float32]:

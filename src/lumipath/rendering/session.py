@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import attrs
-from attrs import frozen
+from numpy.typing import ArrayLike
 
 from ..devices import open_device, warn_of_fallback
 from ..devices.device import Device
@@ -17,55 +17,16 @@ from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarnin
 from ..lang import Features, u32
 from ..pack import layout
 from ..pack.camera import camera_features, camera_of
-from ..pack.scene import Packed, film_layers, image_features, layer_features, pack_scene, pack_view
-from ..scene import Camera, Scene
+from ..pack.scene import Packed, film_layers, image_features, layer_features, pack_scene, pack_view, repack_scene
+from ..scene import Camera, Mesh, Scene, deformed_meshes, with_meshes
 from ..settings import RenderSettings
 from .checkpoint import Checkpoint, CheckpointFile, Identity, range_of
 from .film import Film, level
 from .image import Image
 from .layer_film import LayerFilm
 from .layers import layer_names
+from .progress import Progress
 from .stopping import StopRules
-
-
-@frozen
-class Progress:
-    """How far a render is.
-
-    Attributes:
-        samples: mean samples per pixel.
-        total: samples wanted; None: no limit.
-        seconds: of rendering.
-        paths: traced so far.
-        time: seconds of rendering after which it stops; None: no limit.
-        noise: the largest estimated error of a tile when that was last looked at; None: not yet, or nobody asks.
-        needed: about how many samples per pixel it will take until the noise is low enough; None as for `noise`.
-    """
-
-    samples: float
-    total: int | None
-    seconds: float
-    paths: int
-    time: float | None = None
-    noise: float | None = None
-    needed: float | None = None
-
-    @property
-    def fraction(self) -> float:
-        """From 0 to 1: by samples, time or noise, whichever will stop the render first."""
-        limits = ((self.samples, self.total), (self.seconds, self.time), (self.samples, self.needed))
-        shares = [done / wanted for done, wanted in limits if wanted]
-        return min(1.0, max(shares, default=0.0))
-
-    @property
-    def remaining_seconds(self) -> float:
-        """Estimate of the time that is left; infinite before the first sample."""
-        return self.seconds * (1 - self.fraction) / self.fraction if self.fraction > 0 else float("inf")
-
-    @property
-    def mpaths_per_s(self) -> float:
-        """Million paths per second so far."""
-        return self.paths / self.seconds / 1e6 if self.seconds > 0 else 0.0
 
 
 class Session:
@@ -82,11 +43,12 @@ class Session:
 
     Attributes:
         settings: the settings in force.
+        scene: what is rendered, after `deform` with the meshes as they are then.
         device: what renders; its `name` is for people.
         film: the sums so far.
         focus: distance of the plane in focus along the viewing direction, metres.
         resumed: mean samples per pixel that came from the checkpoint; 0 where none was there.
-        build_seconds: time that packing and tree building took.
+        build_seconds: time that packing and tree building took, or the last `deform`.
         compile_seconds: time that compiling the kernels, or loading them from the disk, took.
 
     Raises:
@@ -105,6 +67,9 @@ class Session:
     ) -> None:
         self.settings = attrs.evolve(settings or RenderSettings(), **overrides)
         self.scene = scene
+        # Whoever made the scene may change its lists, and meshes are named as they are here.
+        self._at_rest = attrs.evolve(scene)
+        self._meshes: dict[Mesh, Mesh] = {}
         if self.settings.integrator == "whitted" and not scene.lights and not scene.has_sun:
             warnings.warn(
                 f"{scene.name} has no point, directional or ambient light: the integrator whitted shows only what "
@@ -145,7 +110,11 @@ class Session:
         start = time.perf_counter()
         settings = self.settings
         host = pack_scene(self.scene, light_sampling=settings.light_sampling, regularize=settings.regularize)
-        packed = self.device.upload(host)
+        self._unmoved, self._material_names = host.unmoved, host.material_names
+        self._use(host, self.device.upload(host), camera, start)
+
+    def _use(self, host: Packed, packed: layout.PackedScene, camera: Camera, start: float) -> None:
+        """Render from now on what the device has made of a scene, which was begun to be packed at `start`."""
         features = image_features(packed.features.mask, self.settings, camera)
         if self.settings.focus_on is not None:
             focus = self._distance_of(self.settings.focus_on, host, packed, camera)
@@ -155,7 +124,6 @@ class Session:
         start = time.perf_counter()
         self.device.compile(self._packed, self._view, self.film.arrays)
         if self._layers is not None:
-            self._material_names = host.material_names
             features = layer_features(packed.features.mask, self.settings, camera)
             self._packed_for_layers = packed._replace(features=Features(features))
             self.device.compile_layers(self._packed_for_layers, self._view, self._layers.arrays)
@@ -242,18 +210,18 @@ class Session:
         The device goes on while a step is looked at, so that this time counts as rendering as well.
         """
         self._work = work = self.device.render(self._packed, self._view, self.film.arrays, last)
-        start = time.perf_counter() - self.render_seconds
+        self._started = time.perf_counter() - self.render_seconds
         try:
             for rejected in work:
                 self.film.rejected += rejected
-                self.render_seconds = time.perf_counter() - start
+                self.render_seconds = time.perf_counter() - self._started
                 self._warn_of_rejected()
                 yield self.progress()
                 if self._file is not None and self._file.is_due:
                     self._keep()
         finally:
             work.close()
-            self.render_seconds = time.perf_counter() - start
+            self.render_seconds = time.perf_counter() - self._started
             self._work = None
 
     def _render_layers(self) -> Iterator[Progress]:
@@ -333,11 +301,47 @@ class Session:
         self._settle()
         self.settings = attrs.evolve(self.settings, seed=seed)
         self._view = self._view._replace(seed=u32(seed))
+        self._begin_anew()
+
+    def deform(self, vertices: Mapping[Mesh, ArrayLike], normals: Mapping[Mesh, ArrayLike] | None = None) -> None:
+        """Move the vertices of meshes, and begin anew: the next frame of an animation.
+
+        The picture is that of a new session of a scene with such meshes, but trees are only fitted to where their
+        triangles are now, unless one would become much worse by that.
+
+        Args:
+            vertices: for each mesh of the scene that the session was made with, alone or in instances, new positions
+                (N, 3), metres. What is not named stays as it was.
+            normals: for some of them, new shading normals (N, 3). A mesh that has normals and is given none gets the
+                mean of those of the faces around each vertex, weighted by their area.
+
+        Raises:
+            UsageError: something that is no mesh of the scene, or a session that writes a checkpoint.
+            SceneError: vertices or normals of another number or shape, or not finite. Nothing has changed then.
+        """
+        if self._file is not None:
+            raise UsageError(
+                f"the session writes the checkpoint {self._file.path}, which is of one picture: for frames of an "
+                "animation leave it away, and call save_checkpoint for each"
+            )
+        meshes = deformed_meshes(self._at_rest, self._meshes, vertices, normals)
+        scene = with_meshes(self._at_rest, meshes)
+        identity = Identity.of(scene, self.settings)
+        self._settle()
+        start = time.perf_counter()
+        host = repack_scene(scene, self._packed, self._unmoved)
+        self._use(host, self.device.refit(host), camera_of(scene, self.settings), start)
+        self.scene, self._meshes, self._identity = scene, meshes, identity
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Forget all samples, and their time."""
         self.film.clear()
         if self._layers is not None:
             self._layers.clear()
         self._rules.estimate = None
         self.device.clear()
+        self._started = time.perf_counter()
         self.render_seconds = 0.0
         self.resumed = 0.0
 

@@ -2,6 +2,7 @@
 
 from .bsdfs import AnyMaterial, Appearance, Conductor, Dielectric, Diffuse, ThinDielectric
 from .camera import Camera
+from .deforming import deformed_meshes, with_meshes
 from .digest import scene_digest
 from .instances import Group, Instance, materials_of
 from .lights import AmbientLight, DirectionalLight, Environment, Light, PointLight, SpotLight
@@ -43,8 +44,10 @@ __all__ = [
     "Square",
     "Texture",
     "ThinDielectric",
+    "deformed_meshes",
     "materials_of",
     "scene_digest",
     "smooth_normals",
     "transform_mesh",
+    "with_meshes",
 ]

@@ -7,12 +7,13 @@ import time
 from collections import Counter
 from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...accel.bvh4 import MAX_LEAF, gpu_tree
+from ...accel.refit import gpu_costs, is_worn, moved, refit_gpu
 from ...accel.two_level import build_trees
 from ...errors import DeviceError
 from ...lang import Features
@@ -46,18 +47,24 @@ class Worker:
         self.gpu = gpu
         self._scene: PackedScene | None = None
         self._scheduler: Scheduler | None = None
+        # Features, stack and kind of the kernels.
+        self._compiled: tuple[int, int, str] | None = None
         self._view: View | None = None
         self._film: FilmArrays | None = None
         self.rate = 0.0
         """Paths per second, as last measured; 0 before the first slice."""
 
     def compile(self, scene: PackedScene, stack: int, kernel: str) -> None:
-        """Compile the kernels for a scene that is on the GPU, or load them from the disk."""
+        """Compile the kernels for a scene that is on the GPU, or load them from the disk, unless they are there."""
+        wanted = scene.features.mask, stack, kernel
+        if wanted == self._compiled:
+            return
         self.gpu.open()
         has_paths = not scene.features.mask & PIXEL_INTEGRATORS
         # The megakernel was faster on every scene that was measured.
         scheduler = Wavefront if kernel == "wavefront" and has_paths else Megakernel
         self._scheduler = scheduler(self.gpu, scene, stack)
+        self._compiled = wanted
 
     def begin(self, scene: PackedScene, view: View, film: FilmArrays, *, empty: bool) -> None:
         """Take a scene that is on the GPU, and a view; if there are no sums yet, those of `film`, none where `empty`.
@@ -127,6 +134,7 @@ class CudaDevice:
 
     kind = "cuda"
     even_counts = True
+    tree_options: ClassVar = {"max_leaf": MAX_LEAF, "block": 1}
 
     def __init__(self, index: int | None = 0, kernel: str = "auto") -> None:
         gpus = [Gpu(number) for number in (range(device_count()) if index is None else (index,))]
@@ -142,6 +150,7 @@ class CudaDevice:
         self._stack = _STACK
         self._uploaded: PackedScene | None = None
         self._scenes: dict[int, PackedScene] = {}
+        self._built_costs: NDArray[np.float64] | None = None
         self._cancelled = False
         self._uncounted = 0
         self._error: BaseException | None = None
@@ -151,30 +160,54 @@ class CudaDevice:
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPUs."""
-        geometry = packed.geometry
-        lower, upper = geometry.bounds()
-        wide = len(lower) > SMALL_SCENE
-        trees = build_trees(lower, upper, geometry.instancing, max_leaf=MAX_LEAF, block=1)
-        sides, solid = geometry.two_sided, geometry.solid()
-        accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
-        self._stack = _STACK if depth <= _STACK else _DEEP_STACK
-        features = packed.scene.features.mask | (WIDE_TREE if wide else 0)
-        scene = packed.with_tree(accel, roots)._replace(features=Features(features))
+        scene = self._with_tree(packed)
         for gpu in self._gpus:
             gpu.open()
             self._scenes[gpu.index] = to_device(scene)
         self._uploaded = scene
         return scene
 
+    def _with_tree(self, packed: Packed) -> PackedScene:
+        """The scene with a tree that is built for it."""
+        geometry = packed.geometry
+        lower, upper = geometry.bounds()
+        wide = len(lower) > SMALL_SCENE
+        trees = build_trees(lower, upper, geometry.instancing, **self.tree_options)
+        sides, solid = geometry.two_sided, geometry.solid()
+        accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
+        self._stack = _STACK if depth <= _STACK else _DEEP_STACK
+        self._built_costs = None
+        features = packed.scene.features.mask | (WIDE_TREE if wide else 0)
+        return packed.with_tree(accel, roots)._replace(features=Features(features))
+
+    def refit(self, packed: Packed) -> PackedScene:
+        """Fit the tree to vertices that have moved, or build it anew, and copy what has changed; see `Device.refit`."""
+        assert self._uploaded is not None, "upload comes first"
+        before, roots = packed.scene.accel, packed.roots
+        tree_bit = self._uploaded.features.mask & WIDE_TREE
+        wide = bool(tree_bit)
+        if self._built_costs is None:
+            self._built_costs = gpu_costs(before, roots, wide=wide)
+        accel = refit_gpu(before, moved(packed.geometry), wide=wide)
+        if is_worn(gpu_costs(accel, roots, wide=wide), self._built_costs):
+            scene = self._with_tree(packed)
+        else:
+            scene = packed.scene._replace(accel=accel, features=Features(packed.scene.features.mask | tree_bit))
+        self._update(scene)
+        return scene
+
     def _update(self, scene: PackedScene) -> None:
-        """Bring what differs from the scene that was uploaded: features of the settings, as a rule."""
+        """Bring what differs from the scene that was uploaded: features of the settings, or what vertices change."""
         assert self._uploaded is not None, "upload comes first"
         old = self._uploaded._asdict()
         changed = {name: value for name, value in scene._asdict().items() if value is not old[name]}
+        scenes = dict(self._scenes)
         for gpu in self._gpus if changed else ():
             gpu.open()
             values = {name: to_device(value) for name, value in changed.items()}
-            self._scenes[gpu.index] = self._scenes[gpu.index]._replace(**values)
+            scenes[gpu.index] = scenes[gpu.index]._replace(**values)
+        # All or none of them: where memory runs out, what was there goes on.
+        self._scenes = scenes
         self._uploaded = scene
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
