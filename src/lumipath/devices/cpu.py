@@ -5,13 +5,14 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..accel.bvh8 import WIDTH, widen
+from ..accel.bvh8 import NO_TREE, WIDTH, widen
+from ..accel.stand_in import LARGE, build_for_cpu
 from ..accel.two_level import build_trees
 from ..lang.host import usable_cores, vector_units
 from ..lang.kernel import compile_for
@@ -66,6 +67,14 @@ class CpuDevice:
         self._batches = [new_batch() for _ in range(self.threads)]
         self._control = np.zeros(4, np.int64)
         self._pool = ThreadPoolExecutor(self.threads, "lumipath", initializer=quiet_arithmetic)
+
+    def draft(self, packed: Packed) -> PackedScene:
+        """The scene with an empty tree."""
+        return packed.scene._replace(accel=NO_TREE)
+
+    def stand_in(self, packed: Packed) -> partial[None]:
+        """A small tree, or one as large as it takes; see `Device.stand_in`."""
+        return partial(build_for_cpu, len(packed.scene.primitives) > LARGE)
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the 8-wide tree; the arrays stay where they are."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from ..devices import open_device, warn_of_fallback
 from ..devices.device import Device
 from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
+from ..lang.beside import compiled_beside
 from ..pack import layout
 from ..pack.camera import camera_features, camera_of
 from ..pack.scene import Packed, film_layers, image_features, layer_features, pack_scene, pack_view
@@ -141,25 +143,31 @@ class Session:
             self._take(found)
 
     def _prepare(self, camera: Camera) -> None:
-        """Bring the scene to the device, and compile the kernels for what it uses."""
-        start = time.perf_counter()
+        """Compile the kernels for what the scene uses, and bring it to the device."""
         settings = self.settings
+        times = [time.perf_counter()]
         host = pack_scene(self.scene, light_sampling=settings.light_sampling, regularize=settings.regularize)
+        draft = self.device.draft(host)
+        features = Features(image_features(draft.features.mask, settings, camera))
+        times.append(time.perf_counter())
+        # Before the tree is there: what builds it may be compiled at the same time.
+        with compiled_beside(self.device.stand_in(host), settings.threads):
+            self.device.compile(draft._replace(features=features), self._view, self.film.arrays)
+        times.append(time.perf_counter())
         packed = self.device.upload(host)
-        features = image_features(packed.features.mask, self.settings, camera)
-        if self.settings.focus_on is not None:
-            focus = self._distance_of(self.settings.focus_on, host, packed, camera)
-            self._view = pack_view(camera, attrs.evolve(self.settings, focus=focus, focus_on=None))
-        self._packed = packed._replace(features=Features(features))
-        self.build_seconds = time.perf_counter() - start
-        start = time.perf_counter()
-        self.device.compile(self._packed, self._view, self.film.arrays)
+        if settings.focus_on is not None:
+            focus = self._distance_of(settings.focus_on, host, packed, camera)
+            self._view = pack_view(camera, attrs.evolve(settings, focus=focus, focus_on=None))
+        self._packed = packed._replace(features=features)
+        times.append(time.perf_counter())
         if self._layers is not None:
             self._material_names = host.material_names
-            features = layer_features(packed.features.mask, self.settings, camera)
-            self._packed_for_layers = packed._replace(features=Features(features))
+            of_layers = Features(layer_features(packed.features.mask, settings, camera))
+            self._packed_for_layers = packed._replace(features=of_layers)
             self.device.compile_layers(self._packed_for_layers, self._view, self._layers.arrays)
-        self.compile_seconds = time.perf_counter() - start
+        times.append(time.perf_counter())
+        packing, compiling, building, compiling_layers = (end - start for start, end in pairwise(times))
+        self.build_seconds, self.compile_seconds = packing + building, compiling + compiling_layers
 
     def _distance_of(self, pixel: tuple[int, int], host: Packed, packed: layout.PackedScene, camera: Camera) -> float:
         """How far away what a pixel shows is, measured as the focus is."""

@@ -7,12 +7,14 @@ import time
 from collections import Counter
 from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...accel.bvh4 import MAX_LEAF, gpu_tree
+from ...accel.bvh4 import MAX_LEAF, NO_TREE, gpu_tree
+from ...accel.stand_in import LARGE, build_for_gpu
 from ...accel.two_level import build_trees
 from ...errors import DeviceError
 from ...lang import Features
@@ -52,7 +54,7 @@ class Worker:
         """Paths per second, as last measured; 0 before the first slice."""
 
     def compile(self, scene: PackedScene, stack: int, kernel: str) -> None:
-        """Compile the kernels for a scene that is on the GPU, or load them from the disk."""
+        """Compile the kernels for a scene, wherever it is, or load them from the disk."""
         self.gpu.open()
         has_paths = not scene.features.mask & PIXEL_INTEGRATORS
         # The megakernel was faster on every scene that was measured.
@@ -141,6 +143,7 @@ class CudaDevice:
         self._kernel = kernel
         self._stack = _STACK
         self._uploaded: PackedScene | None = None
+        self._compiled_for: PackedScene | None = None
         self._scenes: dict[int, PackedScene] = {}
         self._cancelled = False
         self._uncounted = 0
@@ -149,17 +152,27 @@ class CudaDevice:
         # Pixels that the pass adds to.
         self._growing: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
 
+    def draft(self, packed: Packed) -> PackedScene:
+        """The scene with an empty tree."""
+        return packed.scene._replace(accel=NO_TREE, features=_features_of(packed))
+
+    def stand_in(self, packed: Packed) -> partial[None]:
+        """A small tree, or one as large as it takes; see `Device.stand_in`."""
+        return partial(build_for_gpu, len(packed.scene.primitives) > LARGE, _is_large(packed))
+
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPUs."""
         geometry = packed.geometry
         lower, upper = geometry.bounds()
-        wide = len(lower) > SMALL_SCENE
+        wide = _is_large(packed)
         trees = build_trees(lower, upper, geometry.instancing, max_leaf=MAX_LEAF, block=1)
         sides, solid = geometry.two_sided, geometry.solid()
         accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
-        self._stack = _STACK if depth <= _STACK else _DEEP_STACK
-        features = packed.scene.features.mask | (WIDE_TREE if wide else 0)
-        scene = packed.with_tree(accel, roots)._replace(features=Features(features))
+        if depth > self._stack:
+            self._stack = _DEEP_STACK
+            if self._compiled_for is not None:
+                self._compile_workers(self._compiled_for)
+        scene = packed.with_tree(accel, roots)._replace(features=_features_of(packed))
         for gpu in self._gpus:
             gpu.open()
             self._scenes[gpu.index] = to_device(scene)
@@ -178,10 +191,13 @@ class CudaDevice:
         self._uploaded = scene
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
-        """Compile the kernels for this scene's features, or load them from the disk."""
-        self._update(scene)
+        """Compile the kernels for this scene's features, or load them from the disk; see `Device.compile`."""
+        self._compiled_for = scene
+        self._compile_workers(scene)
+
+    def _compile_workers(self, scene: PackedScene) -> None:
         for worker in self._workers:
-            worker.compile(self._scenes[worker.gpu.index], self._stack, self._kernel)
+            worker.compile(scene, self._stack, self._kernel)
 
     def next_stop(self, done: int, pixels: int) -> int:
         """No stop: between slices, too, everything can be asked for."""
@@ -321,6 +337,15 @@ class CudaDevice:
         self._error = None
         for worker in self._workers:
             worker.clear()
+
+
+def _is_large(packed: Packed) -> bool:
+    return len(packed.scene.primitives) > SMALL_SCENE
+
+
+def _features_of(packed: Packed) -> Features:
+    """Those of the scene, and that of its tree."""
+    return Features(packed.scene.features.mask | (WIDE_TREE if _is_large(packed) else 0))
 
 
 def planes_of(array: NDArray[Any], planes: int) -> DeviceArray:
