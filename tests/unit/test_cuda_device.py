@@ -10,9 +10,11 @@ pytest.importorskip("numba_cuda", reason="needs the extra 'cuda'")
 
 from fake_gpus import GPUS, Gpu, HostArray, device_of, to_host
 
+from lumipath.accel.bvh4 import gpu_tree
 from lumipath.devices import open_device
 from lumipath.devices.cuda import device as module
 from lumipath.devices.cuda import layers as layers_module
+from lumipath.devices.cuda.arguments import type_of
 from lumipath.devices.cuda.device import CudaDevice, joint_name, slice_samples
 from lumipath.devices.cuda.driver import OutOfMemoryError
 from lumipath.devices.cuda.work import item_count
@@ -84,6 +86,26 @@ def render(device, film, last, scene=SCENE, **settings):
 
 def launches(device):
     return sorted(device._workers[0]._scheduler.launches)
+
+
+@pytest.mark.parametrize("scene", ["cornell-box", "bench-blob100k", "cubemap"])
+def test_kernels_are_compiled_for_the_scene_before_it_is_there(device, scene):
+    packed = pack_scene(builtin(scene))
+    draft, uploaded = device.draft(packed), device.upload(packed)
+    assert type_of(draft) == type_of(uploaded) == type_of(device._scenes[0])
+    assert str(type_of(draft)) == str(type_of(uploaded))
+
+
+def test_a_tree_deeper_than_most_has_kernels_compiled_once_more(device, monkeypatch):
+    packed = pack_scene(builtin("cornell-box"))
+    compiled = []
+    monkeypatch.setattr(module, "Megakernel", lambda gpu, scene, stack: compiled.append(stack))
+    device.compile(device.draft(packed), None, None)
+    device.compile(device.upload(packed), None, None)
+    assert compiled == [64] * len(device._workers)
+    monkeypatch.setattr(module, "gpu_tree", lambda *given, **options: (*gpu_tree(*given, **options)[:2], 65))
+    device.compile(device.upload(packed), None, None)
+    assert compiled == [64] * len(device._workers) + [256] * len(device._workers)
 
 
 def test_all_gpus_together_render_every_sample_once(device):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import gc
+
 import numba
 import numpy as np
 import pytest
 from numba.core.caching import NullCache
+from numba.core.compiler import CompilerBase
 
 from lumipath.lang import DEBUG_PYTHON, compiled, entry, f32, kernel, load, store
-from lumipath.lang.compiler import EntryLibrary, KernelLibrary
+from lumipath.lang.compiler import EntryCompiler, EntryLibrary, KernelLibrary
 
 pytestmark = pytest.mark.skipif(DEBUG_PYTHON, reason="nothing is compiled")
 
@@ -93,3 +96,24 @@ def test_an_error_in_a_host_function_that_another_calls_says_what_is_wrong():
 
     with pytest.raises(numba.TypingError, match="there_is_no_such_field"):
         caller(1.0)
+
+
+@pytest.mark.parametrize("before", [(700, 10, 10), (0, 10, 10), (1_000_000, 5, 5)])
+def test_a_compiler_looks_for_garbage_rarely_and_leaves_no_trace_of_that(monkeypatch, before):
+    seen = []
+
+    def fail(compiler, function):
+        seen.append(gc.get_threshold())
+        raise numba.TypingError("no")
+
+    monkeypatch.setattr(CompilerBase, "compile_extra", fail)
+    ours = gc.get_threshold()
+    gc.set_threshold(*before)
+    try:
+        with pytest.raises(numba.TypingError):
+            object.__new__(EntryCompiler).compile_extra(None)
+        assert gc.get_threshold() == before
+    finally:
+        gc.set_threshold(*ours)
+    # 0: it was switched off.
+    assert seen == [(max(before[0], 100_000) if before[0] else 0, *before[1:])]

@@ -19,7 +19,7 @@ import lumipath
 from lumipath.accel import packets, trace8
 from lumipath.devices import cpu_batch
 from lumipath.lang import Features, f32, features_of, kernel
-from lumipath.lang.cache import source_hash
+from lumipath.lang.cache import _CacheFile, source_hash
 from lumipath.lang.kernel import _FASTMATH, _KERNEL_OPTIONS, _OUTER
 from lumipath.pack.scene import pack_scene
 from lumipath.rendering.session import Session
@@ -208,6 +208,20 @@ def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     again = json.loads(python(SMALL, tmp_path))
     assert again == first | {"hits": 1, "misses": 0, "told": []}
     assert {path: path.stat().st_mtime_ns for path in Path(first["folder"]).iterdir()} == files
+
+
+def test_what_another_process_keeps_meanwhile_is_not_lost(tmp_path, monkeypatch):
+    mine, theirs = (_CacheFile(str(tmp_path), "function", "stamp") for _ in range(2))
+    assert mine.load("a") is None
+    save_data = mine._save_data
+
+    def save_while_the_other_does(name, data):
+        theirs.save("b", "of b")
+        save_data(name, data)
+
+    monkeypatch.setattr(mine, "_save_data", save_while_the_other_does)
+    mine.save("a", "of a")
+    assert [mine.load(key) for key in ("a", "b", "c")] == ["of a", "of b", None]
 
 
 def test_editing_a_source_changes_the_hash_and_so_the_folder(tmp_path):

@@ -1,6 +1,7 @@
 """When a session stops: by samples, by time, or by both; on a device and a clock of its own."""
 
 import threading
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,6 +50,12 @@ class Device:
     def __init__(self, clock, stop):
         self.clock, self.stop = clock, stop
         self.cancelled = False
+
+    def draft(self, packed):
+        return packed.scene
+
+    def stand_in(self, packed):
+        return partial(int)
 
     def upload(self, packed):
         return packed.scene

@@ -40,6 +40,10 @@ class TreeGPU(NamedTuple):
     triangles: NDArray[Any]
 
 
+NO_TREE = TreeGPU(np.zeros((0, 16), np.float32), np.zeros((0, 12), np.float32))
+"""Nothing but the types of a tree."""
+
+
 @compiled
 def _leaf_link(first, count):
     """Link to a leaf."""

@@ -46,6 +46,10 @@ class BVH8(NamedTuple):
     bounds: NDArray[Any]
 
 
+NO_TREE = BVH8(np.zeros((0, NODE_SIZE), np.float32), np.zeros((0, GROUP_SIZE), np.float32), np.zeros(8, np.float32))
+"""Nothing but the types of a tree."""
+
+
 @compiled
 def _choose_children(tree_child, lower, upper, node, children):
     """Open the child of the largest area until there are eight; returns their number."""

@@ -57,9 +57,11 @@ def _open_cpu(threads: int | None) -> Device:
 
 
 def _open_gpu(index: int | None, kernel: str) -> Device:
-    from .cuda.driver import require_installed
+    from .cuda.driver import device_count, require_installed
 
     require_installed()
+    # Numba's support takes half a second to import, which is wasted where there is no GPU.
+    device_count()
     from .cuda.device import CudaDevice
 
     return CudaDevice(index, kernel)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accel.bvh8 import WIDTH, widen
+from ..accel.bvh8 import NO_TREE, WIDTH, widen
 from ..accel.refit import cpu_costs, is_worn, moved, refit_cpu
+from ..accel.stand_in import LARGE, build_for_cpu
 from ..accel.two_level import build_trees
 from ..lang.host import usable_cores, vector_units
 from ..lang.kernel import compile_for
@@ -72,6 +73,14 @@ class CpuDevice:
         self._control = np.zeros(4, np.int64)
         self._pool = ThreadPoolExecutor(self.threads, "lumipath", initializer=quiet_arithmetic)
         self._built_costs: NDArray[np.float64] | None = None
+
+    def draft(self, packed: Packed) -> PackedScene:
+        """The scene with an empty tree."""
+        return packed.scene._replace(accel=NO_TREE)
+
+    def stand_in(self, packed: Packed) -> partial[None]:
+        """A small tree, or one as large as it takes; see `Device.stand_in`."""
+        return partial(build_for_cpu, len(packed.scene.primitives) > LARGE)
 
     def upload(self, packed: Packed) -> PackedScene:
         """Build the 8-wide tree; the arrays stay where they are."""

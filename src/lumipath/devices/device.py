@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -33,6 +34,12 @@ class Device(Protocol):
     tree_options: dict[str, Any]
     """Of `build_tree`, for the trees that it walks."""
 
+    def draft(self, packed: Packed) -> PackedScene:
+        """The scene as `upload` will make it, but for the tree, which is empty: what to compile kernels for."""
+
+    def stand_in(self, packed: Packed) -> partial[None]:
+        """What calls the compiled loops that `upload` needs, for something small: see `compiled_beside`."""
+
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and bring everything to where kernels read it."""
 
@@ -44,7 +51,10 @@ class Device(Protocol):
         """
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
-        """Compile the kernels for this scene's features, or load them from the disk."""
+        """Compile the kernels for this scene's features, or load them from the disk; a draft of the scene will do.
+
+        What is there already, and fits the tree, is not compiled again.
+        """
 
     def next_stop(self, done: int, pixels: int) -> int:
         """Up to how many samples per pixel the next pass should go after `done` of them."""

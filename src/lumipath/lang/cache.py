@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -75,6 +76,25 @@ def announce_compiling() -> None:
         _listeners.pop()()
 
 
+class _NotOnDiskError(Exception):
+    """Something would have to be compiled where that is not wanted."""
+
+
+_may_compile = ContextVar("may_compile", default=True)
+
+
+def is_on_disk(work: Callable[[], Any]) -> bool:
+    """Call `work`, up to where it needs machine code that is neither loaded nor on disk; whether it got to its end."""
+    before = _may_compile.set(False)
+    try:
+        work()
+    except _NotOnDiskError:
+        return False
+    finally:
+        _may_compile.reset(before)
+    return True
+
+
 class _Locator(caching._CacheLocator):
     """One folder for all kernels; the folder is the stamp."""
 
@@ -103,14 +123,20 @@ class _CacheImpl(caching.CompileResultCacheImpl):
 class _CacheFile(caching.IndexDataCacheFile):
     """Code in files named by what it is compiled for.
 
-    Numba numbers its files, so that two processes that save at once can give one number to two kernels.
+    Numba numbers its files in an index, where of two processes that save at once one would lose its entry.
     """
 
+    def _name_for(self, key: object) -> str:
+        return self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:15], 16))
+
     def save(self, key: object, data: object) -> None:
-        overloads = self._load_index()
-        overloads[key] = self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:15], 16))
-        self._save_data(overloads[key], data)
-        self._save_index(overloads)
+        self._save_data(self._name_for(key), data)
+
+    def load(self, key: object) -> Any:
+        try:
+            return self._load_data(self._name_for(key))
+        except FileNotFoundError:
+            return None
 
 
 class KernelCache(caching.FunctionCache):
@@ -126,6 +152,8 @@ class KernelCache(caching.FunctionCache):
         """What was compiled for a signature; None, and a word to who waits for it, where there is nothing."""
         found = super().load_overload(sig, target_context)
         if found is None:
+            if not _may_compile.get():
+                raise _NotOnDiskError
             announce_compiling()
         return found
 

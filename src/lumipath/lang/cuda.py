@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numba
 
 from .cache import announce_compiling, cache_folder
+from .compiler import rare_collections
 from .kernel import KernelError, explain, single_precision
 from .targets import enable_cuda
 
@@ -51,7 +52,7 @@ def compile_ptx(function: FunctionType, signature: tuple[Any, ...], capability: 
     from numba.cuda.core.errors import NumbaError
 
     try:
-        with _compiling_for(capability):
+        with _compiling_for(capability), rare_collections():
             ptx, _ = cuda.compile_ptx(function, signature, cc=capability, fastmath=True)
     except (NumbaError, numba.core.errors.NumbaError) as error:
         raise KernelError(explain(function.__qualname__, str(error))) from error

@@ -15,6 +15,7 @@ from ..devices import open_device, warn_of_fallback
 from ..devices.device import Device
 from ..errors import CheckpointError, DeviceError, LumipathError, LumipathWarning, UsageError
 from ..lang import Features, u32
+from ..lang.beside import compiled_beside
 from ..pack import layout
 from ..pack.camera import camera_features, camera_of
 from ..pack.scene import Packed, film_layers, image_features, layer_features, pack_scene, pack_view, repack_scene
@@ -106,12 +107,22 @@ class Session:
             self._take(found)
 
     def _prepare(self, camera: Camera) -> None:
-        """Bring the scene to the device, and compile the kernels for what it uses."""
-        start = time.perf_counter()
+        """Compile the kernels for what the scene uses, and bring it to the device."""
         settings = self.settings
+        start = time.perf_counter()
         host = pack_scene(self.scene, light_sampling=settings.light_sampling, regularize=settings.regularize)
         self._unmoved, self._material_names = host.unmoved, host.material_names
-        self._use(host, self.device.upload(host), camera, start)
+        draft = self.device.draft(host)
+        features = Features(image_features(draft.features.mask, settings, camera))
+        packing = time.perf_counter() - start
+        start = time.perf_counter()
+        # Before the tree is there: what builds it may be compiled at the same time.
+        with compiled_beside(self.device.stand_in(host), settings.threads):
+            self.device.compile(draft._replace(features=features), self._view, self.film.arrays)
+        compiling = time.perf_counter() - start
+        start = time.perf_counter()
+        self._use(host, self.device.upload(host), camera, start - packing)
+        self.compile_seconds += compiling
 
     def _use(self, host: Packed, packed: layout.PackedScene, camera: Camera, start: float) -> None:
         """Render from now on what the device has made of a scene, which was begun to be packed at `start`."""

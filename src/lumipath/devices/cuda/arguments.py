@@ -14,7 +14,7 @@ from .driver import DeviceArray
 
 def type_of(value: Any) -> types.Type:
     """The Numba type of a value whose arrays may be on the GPU."""
-    if isinstance(value, DeviceArray):
+    if isinstance(value, DeviceArray | np.ndarray):
         return types.Array(numba.from_dtype(value.dtype), len(value.shape), "C")
     if isinstance(value, tuple):
         return types.NamedTuple(tuple(type_of(item) for item in value), type(value))

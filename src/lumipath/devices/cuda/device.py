@@ -7,13 +7,15 @@ import time
 from collections import Counter
 from collections.abc import Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...accel.bvh4 import MAX_LEAF, gpu_tree
+from ...accel.bvh4 import MAX_LEAF, NO_TREE, gpu_tree
 from ...accel.refit import gpu_costs, is_worn, moved, refit_gpu
+from ...accel.stand_in import LARGE, build_for_gpu
 from ...accel.two_level import build_trees
 from ...errors import DeviceError
 from ...lang import Features
@@ -55,7 +57,7 @@ class Worker:
         """Paths per second, as last measured; 0 before the first slice."""
 
     def compile(self, scene: PackedScene, stack: int, kernel: str) -> None:
-        """Compile the kernels for a scene that is on the GPU, or load them from the disk, unless they are there."""
+        """Compile the kernels for a scene, wherever it is, or load them from the disk, unless they are there."""
         wanted = scene.features.mask, stack, kernel
         if wanted == self._compiled:
             return
@@ -158,6 +160,14 @@ class CudaDevice:
         # Pixels that the pass adds to.
         self._growing: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
 
+    def draft(self, packed: Packed) -> PackedScene:
+        """The scene with an empty tree."""
+        return packed.scene._replace(accel=NO_TREE, features=_features_of(packed))
+
+    def stand_in(self, packed: Packed) -> partial[None]:
+        """A small tree, or one as large as it takes; see `Device.stand_in`."""
+        return partial(build_for_gpu, len(packed.scene.primitives) > LARGE, _is_large(packed))
+
     def upload(self, packed: Packed) -> PackedScene:
         """Build the tree and copy every array to the GPUs."""
         scene = self._with_tree(packed)
@@ -171,14 +181,13 @@ class CudaDevice:
         """The scene with a tree that is built for it."""
         geometry = packed.geometry
         lower, upper = geometry.bounds()
-        wide = len(lower) > SMALL_SCENE
+        wide = _is_large(packed)
         trees = build_trees(lower, upper, geometry.instancing, **self.tree_options)
         sides, solid = geometry.two_sided, geometry.solid()
         accel, roots, depth = gpu_tree(trees, geometry.vertices, geometry.faces, sides, solid, wide=wide)
         self._stack = _STACK if depth <= _STACK else _DEEP_STACK
         self._built_costs = None
-        features = packed.scene.features.mask | (WIDE_TREE if wide else 0)
-        return packed.with_tree(accel, roots)._replace(features=Features(features))
+        return packed.with_tree(accel, roots)._replace(features=_features_of(packed))
 
     def refit(self, packed: Packed) -> PackedScene:
         """Fit the tree to vertices that have moved, or build it anew, and copy what has changed; see `Device.refit`."""
@@ -211,10 +220,9 @@ class CudaDevice:
         self._uploaded = scene
 
     def compile(self, scene: PackedScene, view: View, film: FilmArrays) -> None:
-        """Compile the kernels for this scene's features, or load them from the disk."""
-        self._update(scene)
+        """Compile the kernels for this scene's features, or load them from the disk; see `Device.compile`."""
         for worker in self._workers:
-            worker.compile(self._scenes[worker.gpu.index], self._stack, self._kernel)
+            worker.compile(scene, self._stack, self._kernel)
 
     def next_stop(self, done: int, pixels: int) -> int:
         """No stop: between slices, too, everything can be asked for."""
@@ -354,6 +362,15 @@ class CudaDevice:
         self._error = None
         for worker in self._workers:
             worker.clear()
+
+
+def _is_large(packed: Packed) -> bool:
+    return len(packed.scene.primitives) > SMALL_SCENE
+
+
+def _features_of(packed: Packed) -> Features:
+    """Those of the scene, and that of its tree."""
+    return Features(packed.scene.features.mask | (WIDE_TREE if _is_large(packed) else 0))
 
 
 def planes_of(array: NDArray[Any], planes: int) -> DeviceArray:
