@@ -37,7 +37,17 @@ class TestTop:
 
     @pytest.mark.parametrize(
         "verb",
-        ["render", "info", "scenes", "devices", "bench", "bench throughput", "bench build", "bench figure1"],
+        [
+            "render",
+            "info",
+            "scenes",
+            "devices",
+            "bench",
+            "bench throughput",
+            "bench build",
+            "bench profile",
+            "bench figure1",
+        ],
     )
     def test_every_verb_has_help(self, lumipath, verb):
         assert lumipath(*verb.split(), "-h")[0] == 0

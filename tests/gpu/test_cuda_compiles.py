@@ -13,8 +13,8 @@ from numba import typeof, types
 from lumipath import builtin
 from lumipath.accel.bvh4 import MAX_LEAF, gpu_tree
 from lumipath.accel.two_level import build_trees
-from lumipath.devices.cuda.arguments import FILM_TYPE, LAYERS_TYPE, VIEW_TYPE, type_of
-from lumipath.devices.cuda.layers import compile_layers, make_layers
+from lumipath.devices.cuda.arguments import FILM_TYPE, VIEW_TYPE, type_of
+from lumipath.devices.cuda.layers import compile_layers
 from lumipath.devices.cuda.schedulers import (
     compile_megakernel,
     compile_paths,
@@ -23,9 +23,7 @@ from lumipath.devices.cuda.schedulers import (
     compiler_of,
 )
 from lumipath.devices.cuda.wavefront import TRACING
-from lumipath.devices.cuda.work import WORK_TYPE
-from lumipath.lang import Features
-from lumipath.lang.cuda import compile_ptx
+from lumipath.lang import Features, cuda
 from lumipath.pack.layout import WIDE_TREE, PackedScene
 from lumipath.pack.scene import layer_features, pack_scene, settings_features
 from lumipath.scene import (
@@ -50,6 +48,26 @@ from lumipath.settings import RenderSettings
 STACK, DEEP_STACK = 64, 256
 # Turing, Ampere, Hopper, Blackwell.
 CAPABILITIES = [(7, 5), (8, 0), (9, 0), (12, 0)]
+ENDS = [CAPABILITIES[0], CAPABILITIES[-1]]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def single_precision(tmp_path_factory):
+    """Whatever is compiled here computes in single precision and calls no function; nothing is taken from the disk."""
+    folder, compile_ptx = tmp_path_factory.mktemp("kernels"), cuda.compile_ptx
+
+    def checked(*arguments):
+        ptx = compile_ptx(*arguments)
+        body = ptx[ptx.index(".entry") :]
+        assert re.search(r"\.f32\s", body)
+        assert not re.search(r"\.f64\s", body)
+        assert not re.search(r"\bcall(\.uni)?\b", body)
+        return ptx
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cuda, "compile_ptx", checked)
+        patch.setattr(cuda, "cache_folder", lambda: folder)
+        yield
 
 
 def arguments(name, *, wide, lights=(), **settings):
@@ -117,7 +135,7 @@ def test_instances_compile_within_bounds(wide, monkeypatch):
     registers, stack = resources(compile_megakernel(signature, (9, 0), STACK).report)
     assert registers <= 64
     assert stack <= 4 * STACK + 96
-    for name, made in compile_wavefront(signature, (9, 0), STACK).items():
+    for name, made in compile_wavefront(signature, (9, 0), STACK).items() if wide else ():
         registers, stack = resources(made.report)
         assert registers <= (96 if name == "shade" else 64), name
         assert stack == (4 * STACK if name in TRACING else 0), name
@@ -149,18 +167,10 @@ def test_cameras_and_filters_compile_within_bounds(projection, name):
     assert stack <= 4 * STACK + 160
 
 
-@pytest.mark.parametrize("integrator", ["path", "whitted", "depth"])
-@pytest.mark.parametrize(("projection", "name"), CAMERAS)
-def test_cameras_and_filters_need_no_double_precision_and_no_calls(integrator, projection, name):
-    from lumipath.devices.cuda.megakernel import make_vote
-    from lumipath.devices.cuda.pixels import make_pixels
-
-    kernel = make_vote(STACK, 8, 8, 2) if integrator == "path" else make_pixels(STACK)
-    settings = {"projection": projection, "filter": name, "aperture": 0.1, "integrator": integrator}
-    ptx = compile_ptx(kernel, (*arguments("bench-cornell", wide=True, **settings), WORK_TYPE), (9, 0))
-    body = ptx[ptx.index(".entry") :]
-    assert not re.search(r"\.f64\s", body)
-    assert not re.search(r"\bcall(\.uni)?\b", body)
+@pytest.mark.parametrize(("camera", "integrator"), zip(CAMERAS, ["whitted", "depth", "whitted", "depth"], strict=True))
+def test_cameras_and_filters_of_other_integrators_compile(camera, integrator):
+    settings = {"projection": camera[0], "filter": camera[1], "aperture": 0.1, "integrator": integrator}
+    compile_pixels(arguments("bench-cornell", wide=True, **settings), (9, 0), STACK)
 
 
 def test_a_plain_camera_costs_what_it_did():
@@ -196,7 +206,7 @@ def test_quick_looks_compile_within_bounds_and_spill_nothing(integrator):
     assert stack == 4 * STACK
 
 
-@pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
+@pytest.mark.parametrize("capability", ENDS, ids=lambda c: f"sm_{c[0]}{c[1]}")
 def test_whitted_ray_tracing_compiles_within_bounds(capability):
     signature = arguments("glass", wide=True, lights=EVERY_LIGHT, integrator="whitted")
     registers, stack = resources(compile_pixels(signature, capability, STACK).report)
@@ -205,30 +215,16 @@ def test_whitted_ray_tracing_compiles_within_bounds(capability):
     assert stack == 4 * STACK + 32 * 11 * 4
 
 
-def test_adaptive_kernels_compute_in_single_precision_and_call_nothing():
-    from lumipath.devices.cuda.megakernel import make_vote
-    from lumipath.devices.cuda.pixels import make_pixels
-
-    kernels = ((make_vote(STACK, 8, 8, 2, adaptive=True), "path"), (make_pixels(STACK), "ao"))
-    for kernel, integrator in kernels:
-        signature = arguments("primitives", wide=True, noise=0.1, integrator=integrator)
-        ptx = compile_ptx(kernel, (*signature, WORK_TYPE), (9, 0))
-        body = ptx[ptx.index(".entry") :]
-        assert not re.search(r"\.f64\s", body)
-        assert not re.search(r"\bcall(\.uni)?\b", body)
+def test_adaptive_looks_compile():
+    compile_pixels(arguments("primitives", wide=True, noise=0.1, integrator="ao"), (9, 0), STACK)
 
 
-@pytest.mark.parametrize("integrator", [*LOOKS, "whitted"])
-@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
-def test_no_integrator_computes_in_double_precision_or_calls_a_function(integrator, wide):
-    from lumipath.devices.cuda.pixels import make_pixels
-
+@pytest.mark.parametrize(
+    ("integrator", "wide"), [("albedo", True), ("normal", False), ("depth", True), ("ao", False), ("whitted", False)]
+)
+def test_integrators_of_textured_scenes_compile(integrator, wide):
     signature = arguments("textures", wide=wide, lights=LIGHTS, integrator=integrator, aperture=0.1)
-    ptx = compile_ptx(make_pixels(STACK), (*signature, WORK_TYPE), (9, 0))
-    body = ptx[ptx.index(".entry") :]
-    assert re.search(r"\.f32\s", body)
-    assert not re.search(r"\.f64\s", body)
-    assert not re.search(r"\bcall(\.uni)?\b", body)
+    compile_pixels(signature, (9, 0), STACK)
 
 
 EVERY_LAYER = ("emission", "direct", "indirect", "light_groups", "variance")
@@ -243,7 +239,7 @@ def test_layers_of_light_have_a_kernel_of_their_own_and_others_the_megakernel():
     assert compiler_of(mask(aov=("variance",), integrator="ao")) is compile_pixels
 
 
-@pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
+@pytest.mark.parametrize("capability", ENDS, ids=lambda c: f"sm_{c[0]}{c[1]}")
 def test_layers_of_light_compile_within_bounds(capability):
     signature = arguments("primitives", wide=True, lights=EVERY_LIGHT, aov=EVERY_LAYER, noise=0.1)
     registers, stack = resources(compile_paths(signature, capability, STACK).report)
@@ -251,16 +247,9 @@ def test_layers_of_light_compile_within_bounds(capability):
     assert stack == 4 * STACK
 
 
-@pytest.mark.parametrize("aov", [EVERY_LAYER, ("light_groups",), ("variance",)], ids=len)
-def test_layers_of_light_need_no_double_precision_and_no_calls(aov):
-    from lumipath.devices.cuda.paths import make_paths
-
-    signature = arguments("textures", wide=False, lights=EVERY_LIGHT, aov=aov)
-    ptx = compile_ptx(make_paths(STACK), (*signature, WORK_TYPE), (9, 0))
-    body = ptx[ptx.index(".entry") :]
-    assert re.search(r"\.f32\s", body)
-    assert not re.search(r"\.f64\s", body)
-    assert not re.search(r"\bcall(\.uni)?\b", body)
+@pytest.mark.parametrize("aov", [("light_groups",), ("variance",)], ids=lambda aov: aov[0])
+def test_some_layers_of_light_compile(aov):
+    compile_paths(arguments("textures", wide=False, lights=EVERY_LIGHT, aov=aov), (9, 0), STACK)
 
 
 def layers_scene(name, *, wide, **settings):
@@ -270,7 +259,7 @@ def layers_scene(name, *, wide, **settings):
     return types.NamedTuple((typeof(Features(mask)), *scene_type.types[1:]), PackedScene)
 
 
-@pytest.mark.parametrize("capability", CAPABILITIES, ids=lambda c: f"sm_{c[0]}{c[1]}")
+@pytest.mark.parametrize("capability", ENDS, ids=lambda c: f"sm_{c[0]}{c[1]}")
 def test_layers_compile_within_bounds_and_spill_nothing(capability):
     made = compile_layers(layers_scene("primitives", wide=True, aperture=0.1), capability, STACK)
     registers, stack = resources(made.report)
@@ -278,15 +267,11 @@ def test_layers_compile_within_bounds_and_spill_nothing(capability):
     assert stack == 4 * STACK
 
 
-@pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])
-@pytest.mark.parametrize("scene", ["bench-materials-cornell", "many-lobes", "textures"])
-def test_layers_need_no_double_precision_and_no_calls(scene, wide):
-    signature = (layers_scene(scene, wide=wide, sampler="independent"), VIEW_TYPE, LAYERS_TYPE, WORK_TYPE)
-    ptx = compile_ptx(make_layers(STACK), signature, (9, 0))
-    body = ptx[ptx.index(".entry") :]
-    assert re.search(r"\.f32\s", body)
-    assert not re.search(r"\.f64\s", body)
-    assert not re.search(r"\bcall(\.uni)?\b", body)
+@pytest.mark.parametrize(
+    ("scene", "wide"), [("bench-materials-cornell", True), ("many-lobes", True), ("textures", False)]
+)
+def test_layers_of_all_surfaces_compile(scene, wide):
+    compile_layers(layers_scene(scene, wide=wide, sampler="independent"), (9, 0), STACK)
 
 
 def test_kernels_for_another_stack_are_other_kernels():
@@ -306,15 +291,16 @@ def test_lights_of_every_kind_compile_within_bounds(light_sampling):
     assert stack <= 4 * STACK + 256
 
 
-@pytest.mark.parametrize("scene", ["bench-cornell", "primitives", "textures", "depth-of-field", "bokeh", "forest"])
-def test_no_kernel_computes_in_double_precision_or_calls_a_function(scene):
-    from lumipath.devices.cuda.megakernel import make_vote
+@pytest.mark.parametrize("sampler", ["blue-noise", "independent"])
+def test_samplers_compile_within_bounds(sampler):
+    made = compile_megakernel(arguments("bench-cornell", wide=True, sampler=sampler), (9, 0), STACK)
+    registers, stack = resources(made.report)
+    assert registers <= 56
+    assert stack <= 4 * STACK + 96
 
-    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*arguments(scene, wide=True), WORK_TYPE), (9, 0))
-    body = ptx[ptx.index(".entry") :]
-    assert re.search(r"\.f32\s", body)
-    assert not re.search(r"\.f64\s", body)
-    assert not re.search(r"\bcall(\.uni)?\b", body)
+
+def test_textured_scenes_compile():
+    compile_megakernel(arguments("textures", wide=True), (9, 0), STACK)
 
 
 def every_surface():
@@ -335,13 +321,6 @@ def every_surface():
     return Scene(shapes=[*shapes, *(Instance(coloured, transform=np.diag([s, s, s, 1])) for s in (1.0, 2.0))])
 
 
-def test_kernels_of_all_surfaces_and_lights_compute_in_single_precision_and_call_nothing():
-    from lumipath.devices.cuda.megakernel import make_vote
-
+def test_kernels_of_all_surfaces_and_lights_compile():
     settings = {"light_sampling": "tree", "clamp_indirect": 1.0, "regularize": True}
-    signature = arguments(every_surface(), wide=True, lights=EVERY_LIGHT, **settings)
-    ptx = compile_ptx(make_vote(STACK, 8, 8, 2), (*signature, WORK_TYPE), (9, 0))
-    body = ptx[ptx.index(".entry") :]
-    assert re.search(r"\.f32\s", body)
-    assert not re.search(r"\.f64\s", body)
-    assert not re.search(r"\bcall(\.uni)?\b", body)
+    compile_megakernel(arguments(every_surface(), wide=True, lights=EVERY_LIGHT, **settings), (9, 0), STACK)

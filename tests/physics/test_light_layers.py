@@ -57,9 +57,22 @@ def lit_scene(only=None):
     return Scene(shapes=shapes, lights=lights, environment=environment, cameras=[camera], name="lit")
 
 
+def small_scene():
+    """A matt floor under two lights of two groups, whose kernels compile fast."""
+    lights = [PointLight(position=(-1, 2, 1), colour=5, group="key"), PointLight(position=(2, 1, 0), colour=1)]
+    camera = Camera.look_at((0, 1.5, 4), (0, 0.5, 0), fov=50, aspect=41 / 37)
+    floors = [floor(4, material=Material(diffuse=0.6)), quad((0, 0, -1), (2, 0, -1), (2, 2, -1), (0, 2, -1))]
+    return Scene(shapes=floors, lights=lights, cameras=[camera], name="small")
+
+
 @pytest.fixture(scope="module")
 def scene():
     return lit_scene()
+
+
+@pytest.fixture(scope="module")
+def small():
+    return small_scene()
 
 
 def session_of(scene, **settings):
@@ -99,11 +112,12 @@ def test_parts_and_groups_add_up_to_the_image(device, name, limit):
     assert all((image[part] > 0).any() for part in PARTS)
 
 
-def test_the_image_is_the_same_with_and_without_layers(scene):
-    plain = session_of(scene, device="cpu", aov=()).image()
+def test_the_image_is_the_same_with_and_without_layers(scene, straight, small):
+    plain = session_of(small, device="cpu", aov=()).image()
     for aov in (EVERY, ("direct",), ("light_groups",), ("variance",)):
-        image = session_of(scene, device="cpu", aov=aov).image()
+        image = session_of(small, device="cpu", aov=aov).image()
         np.testing.assert_array_equal(image.pixels, plain.pixels)
+    np.testing.assert_array_equal(session_of(scene, device="cpu", aov=()).image().pixels, straight.image().pixels)
 
 
 def test_on_a_gpu_the_image_is_that_of_the_megakernel(device, scene):
@@ -123,9 +137,8 @@ def test_a_furnace_in_which_each_part_is_known(device):
 
 
 def test_parts_are_those_of_paths_of_that_length(device, scene):
-    settings = {"device": device, "rr_depth": None, "aov": PARTS}
-    whole = session_of(scene, **settings).image()
-    seen, once = (session_of(scene, **{**settings, "max_depth": depth}).image() for depth in (0, 1))
+    whole = session_of(scene, device=device).image()
+    seen, once = (session_of(scene, device=device, max_depth=depth).image() for depth in (0, 1))
     assert not seen["direct"].any()
     assert not once["indirect"].any()
     # What a path does afterwards does not change what it has gathered; rays at edges may round to the other side.
@@ -136,7 +149,7 @@ def test_parts_are_those_of_paths_of_that_length(device, scene):
 
 def test_emission_has_the_background_whatever_the_integrator(device, scene):
     image = session_of(scene, device=device, integrator="depth", aov=("emission",)).image()
-    paths = session_of(scene, device=device, max_depth=0, aov=("emission",)).image()
+    paths = session_of(scene, device=device, max_depth=0).image()
     close = np.isclose(image["emission"], paths["emission"], rtol=1e-3, atol=1e-4).all(axis=-1)
     assert close.mean() > 0.98
     np.testing.assert_allclose(image["emission"][0, 0], (0.3, 0.4, 0.5), rtol=1e-5)
@@ -149,7 +162,7 @@ def group_renders():
 
     def find(device, sampling):
         if (device, sampling) not in made:
-            settings = {"aov": ("light_groups",), "rr_depth": None, "spp": 16, "light_sampling": sampling}
+            settings = {"aov": EVERY, "spp": 16, "light_sampling": sampling}
             session, images = Session(lit_scene(), device=device, **settings, **SIZE), []
             for seed in range(100, 116):
                 session.restart(seed)
@@ -163,7 +176,7 @@ def group_renders():
 
 @pytest.mark.parametrize("only", ["default", "key", "lamp", "back"])
 def test_a_group_is_the_picture_under_its_lights_alone(device, group_renders, only):
-    alone = renders(lit_scene(only), seeds=16, spp=16, device=device, **SIZE)
+    alone = renders(lit_scene(only), seeds=16, spp=16, rr_depth=4, device=device, **SIZE)
     for sampling in ("power", "tree"):
         layer = group_renders(device, sampling)[f"light_{only}"]
         assert layer.mean() > 0
@@ -194,8 +207,9 @@ def test_names_of_groups(scene, straight):
 
 
 def test_layers_in_the_order_asked_for_and_in_files(scene, tmp_path):
-    image = session_of(scene, device="cpu", aov=("light_groups", "depth", "direct"), spp=2).image()
-    assert image.layer_names == ("light_default", "light_back", "light_key", "light_lamp", "depth", "direct")
+    image = session_of(scene, device="cpu", aov=("light_groups", "depth", "direct", "variance"), spp=2).image()
+    groups = ("light_default", "light_back", "light_key", "light_lamp")
+    assert image.layer_names == (*groups, "depth", "direct", "variance")
     image.save(tmp_path / "a.exr")
     again = lp.Image.load(tmp_path / "a.exr")
     for name in image.layer_names:
@@ -216,7 +230,8 @@ def test_variance_is_that_of_the_mean_of_the_samples(device, scene, integrator):
     for number in range(12):
         one = Session(scene, integrator=integrator, spp=1, first_sample=number, device=device, **SIZE)
         samples.append(one.run().pixels.astype(np.float64))
-    session = Session(scene, integrator=integrator, spp=12, device=device, aov=("variance",), **SIZE)
+    aov = EVERY if integrator == "path" else ("variance",)
+    session = Session(scene, integrator=integrator, spp=12, device=device, aov=aov, **SIZE)
     variance = session.run()["variance"]
     expected = np.var(samples, axis=0, ddof=1) / 12
     close = np.isclose(variance, expected, rtol=1e-3, atol=1e-6).all(axis=-1)
@@ -225,16 +240,17 @@ def test_variance_is_that_of_the_mean_of_the_samples(device, scene, integrator):
 
 def test_variance_is_the_scatter_of_renders(device, scene):
     settings = {"sampler": "independent", "spp": 64, "device": device, **SIZE}
-    scatter = renders(scene, seeds=96, **settings).var(axis=0, ddof=1)
-    session, variances = Session(scene, aov=("variance",), rr_depth=None, **settings), []
-    for seed in range(100, 124):
+    session, images = Session(scene, aov=("variance",), **settings), []
+    for seed in range(96):
         session.restart(seed)
-        variances.append(session.run()["variance"].mean(axis=(0, 1)))
-    np.testing.assert_allclose(np.mean(variances, axis=0), scatter.mean(axis=(0, 1)), rtol=0.1)
+        images.append(session.run())
+    scatter = np.var([image.pixels for image in images], axis=0, ddof=1, dtype=np.float64)
+    variance = np.mean([image["variance"].mean(axis=(0, 1)) for image in images], axis=0)
+    np.testing.assert_allclose(variance, scatter.mean(axis=(0, 1)), rtol=0.1)
 
 
 def test_the_variance_of_one_sample_and_of_equal_ones_is_0(device, scene):
-    assert not session_of(scene, device=device, spp=1, aov=("variance",)).image()["variance"].any()
+    assert not session_of(scene, device=device, spp=1).image()["variance"].any()
     sky_alone = Scene(environment=sky(0.7), shapes=[Sphere(transform=moved(0, 0, 99))])
     image = session_of(sky_alone, device=device, aov=("variance",)).image()
     assert image["variance"].max() < 1e-8
@@ -295,20 +311,21 @@ def test_ranges_add_up_with_their_layers(scene, straight, tmp_path):
         np.testing.assert_allclose(image[name], expected[name], rtol=2e-6, atol=1e-9)
 
 
-def test_layers_that_only_one_part_of_a_sum_has_are_left_out_with_a_word(scene, tmp_path):
+def test_layers_that_only_one_part_of_a_sum_has_are_left_out_with_a_word(small, tmp_path):
     for seed, aov in ((1, ("direct", "variance")), (2, ("variance", "light_groups"))):
-        session_of(scene, device="cpu", seed=seed, spp=2, aov=aov, checkpoint=tmp_path / f"{seed}.ckpt")
-    with pytest.warns(LumipathWarning, match=r"not all .* have the layers direct, emission, indirect, light_back, "):
+        session_of(small, device="cpu", seed=seed, spp=2, aov=aov, checkpoint=tmp_path / f"{seed}.ckpt")
+    with pytest.warns(LumipathWarning, match=r"not all .* have the layers direct, emission, indirect, light_default, "):
         merged = merge([tmp_path / "1.ckpt", tmp_path / "2.ckpt"])
     assert merged.image().layer_names == ("variance",)
 
 
-def test_a_checkpoint_without_the_layers_is_refused_and_one_with_more_is_taken(scene, straight, tmp_path):
+def test_a_checkpoint_without_the_layers_is_refused_and_one_with_more_is_taken(small, tmp_path):
     path = tmp_path / "a.ckpt"
-    session_of(scene, device="cpu", spp=8, aov=("light_groups", "variance"), checkpoint=path)
+    session_of(small, device="cpu", spp=8, aov=("light_groups", "variance"), checkpoint=path)
     with pytest.raises(CheckpointError, match="was rendered without the layers emission, direct, indirect; leave"):
-        Session(scene, device="cpu", aov=("direct", "variance"), spp=24, checkpoint=path, resume=True, **SIZE)
-    session = session_of(scene, device="cpu", aov=("variance",), checkpoint=path, resume=True)
+        Session(small, device="cpu", aov=("direct", "variance"), spp=24, checkpoint=path, resume=True, **SIZE)
+    session = session_of(small, device="cpu", aov=("variance",), checkpoint=path, resume=True)
+    straight = session_of(small, device="cpu", aov=("variance",))
     np.testing.assert_array_equal(session.image()["variance"], straight.image()["variance"])
     assert Checkpoint.load(path).film.layer_names == ("variance",)
 

@@ -113,7 +113,7 @@ def sharing_kernels(name):
 
 
 # All of them would take a CPU ten minutes.
-SOME_SCENES = ["cornell-box", "textures", "many-lobes"]
+SOME_SCENES = ["textures", "many-lobes"]
 
 
 @pytest.mark.parametrize(

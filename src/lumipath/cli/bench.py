@@ -9,6 +9,7 @@ import typer
 
 from ..bench import compare as comparing
 from ..bench.figure1 import CPU_LIMIT, FIGURE1_SETTINGS, SAMPLES, SCENES, measure_points, report
+from ..bench.profile import PROFILE_SETTINGS, measure_profile
 from ..bench.throughput import BENCH_SETTINGS, measure
 from ._device import DeviceOption, GpuFlag, device_from
 from ._scene import SceneArgument, open_scene
@@ -67,6 +68,26 @@ def build(
         show_json(figures.as_dict())
     else:
         show_build(figures)
+
+
+@app.command()
+@with_setting_flags("spp", "max_depth", "width", "threads", "sampler", base=PROFILE_SETTINGS)
+def profile(
+    scene: SceneArgument,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Image width and height. [pixels]")] = None,
+    repeat: Annotated[int, typer.Option(metavar="N", min=1, help="Measurements.")] = 3,
+    as_json: Annotated[bool, typer.Option("--json", help="As one JSON object.")] = False,
+    **flags: Any,
+) -> None:
+    """Where a path's time goes on the CPU, and rays per second of one thread beside Embree's, if embreex is there."""
+    from ._profile import show_profile
+
+    settings = settings_from([*from_flags(flags), *from_size(size)], PROFILE_SETTINGS)
+    figures = measure_profile(open_scene(scene), settings, repeat=repeat)
+    if as_json:
+        show_json(figures.as_dict())
+    else:
+        show_profile(figures)
 
 
 @app.command()

@@ -103,13 +103,17 @@ class CpuDevice:
             self._batches = [new_batch(film.parts.shape[-1]) for _ in self._batches]
         compile_for(renderer_of(scene), scene, view, film, self._batches[0], np.zeros(4, np.int64), 0)
 
+    def stage_cycles(self) -> NDArray[np.int64]:
+        """(5,): cycles that all threads have spent in the stages that `Batch.clock` names."""
+        return np.sum([batch.clock for batch in self._batches], axis=0)
+
     def next_stop(self, done: int, pixels: int) -> int:
-        """One sample for a first look, four, then whole batches; never by the clock.
+        """One sample for a first look, then whole batches, which are faster; never by the clock.
 
         Batches are then the same on every machine, and so is whatever might depend on which rays travel together.
         """
         whole = int(BATCH // TILE_PIXELS)
-        return next((stop for stop in (1, 4) if done < stop), (done // whole + 1) * whole)
+        return 1 if done == 0 else (done // whole + 1) * whole
 
     def render(
         self, scene: PackedScene, view: View, film: FilmArrays | LayerArrays, last: int

@@ -51,7 +51,7 @@ def hash32(x):
 
 
 @kernel
-def spread_bits(x):
+def every_other_bit(x):
     """The lower 16 bits of x on the even places, zeros between them."""
     x = u32((x | (x << u32(8))) & u32(0x00FF00FF))
     x = u32((x | (x << u32(4))) & u32(0x0F0F0F0F))
@@ -74,7 +74,7 @@ def sample_number(scene, view, column, row, sample):
     samples than that, and what does not fit into 32 bits of an image, are other sequences.
     """
     bits = view.sample_bits
-    place = u32(spread_bits(u32(column)) | (spread_bits(u32(row)) << u32(1)))
+    place = u32(every_other_bit(u32(column)) | (every_other_bit(u32(row)) << u32(1)))
     mask = u32((u32(1) << bits) - u32(1))
     index = u32((place << bits) | (u32(sample) & mask))
     # In two steps, since shifting by 32 is undefined.
