@@ -159,7 +159,7 @@ class TestErrors:
             ({"focus_on": [1, -1]}, "focus_on is (1, -1): it must be x,y in pixels"),
             ({"blades": 2}, "blades is 2: it must be 0 for a round aperture"),
             ({"camera": {}}, "camera is {}: it must be a name or a whole number"),
-            ({"sampler": "halton"}, "sampler is 'halton': it must be one of sobol, independent"),
+            ({"sampler": "halton"}, "sampler is 'halton': it must be one of sobol, blue-noise, independent"),
             ({"anti_alias": 1}, "anti_alias is 1: it must be true or false"),
             ({"size": 8, "width": 9}, "size and width are the same setting; keep one of them"),
             ({"focus": 1, "focus_on": [1, 1]}, "focus is 1 and focus_on is (1, 1): give one of them"),

@@ -167,7 +167,7 @@ def test_cameras_and_filters_compile_within_bounds(projection, name):
     assert stack <= 4 * STACK + 160
 
 
-@pytest.mark.parametrize(("camera", "integrator"), zip(CAMERAS, ["whitted", "depth", "whitted", "depth"], strict=True))
+@pytest.mark.parametrize(("camera", "integrator"), [*zip(CAMERAS, ["whitted", "depth"] * 2, strict=True)])
 def test_cameras_and_filters_of_other_integrators_compile(camera, integrator):
     settings = {"projection": camera[0], "filter": camera[1], "aperture": 0.1, "integrator": integrator}
     compile_pixels(arguments("bench-cornell", wide=True, **settings), (9, 0), STACK)

@@ -14,7 +14,7 @@ from lumipath.accel.bvh4 import gpu_tree
 from lumipath.devices import open_device
 from lumipath.devices.cuda import device as module
 from lumipath.devices.cuda import layers as layers_module
-from lumipath.devices.cuda.arguments import type_of
+from lumipath.devices.cuda.arguments import FILM_TYPE, LAYERS_TYPE, VIEW_TYPE, type_of
 from lumipath.devices.cuda.device import CudaDevice, joint_name, slice_samples
 from lumipath.devices.cuda.driver import OutOfMemoryError
 from lumipath.devices.cuda.work import item_count
@@ -86,6 +86,13 @@ def render(device, film, last, scene=SCENE, **settings):
 
 def launches(device):
     return sorted(device._workers[0]._scheduler.launches)
+
+
+@pytest.mark.parametrize("settings", [{}, {"noise": 0.1, "aov": ("direct", "variance")}])
+def test_kernels_are_compiled_for_what_they_are_called_with(settings):
+    assert type_of(pack_view(Camera(), RenderSettings(**settings))) == VIEW_TYPE
+    assert type_of(Film(4, 3, "noise" in settings, settings.get("aov", ())).arrays) == FILM_TYPE
+    assert type_of(LayerFilm(["depth"], 4, 3, 8).arrays) == LAYERS_TYPE
 
 
 @pytest.mark.parametrize("scene", ["cornell-box", "bench-blob100k", "cubemap"])

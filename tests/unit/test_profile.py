@@ -6,7 +6,8 @@ import attrs
 import numpy as np
 import pytest
 
-from lumipath.bench.profile import KINDS, PROFILE_SETTINGS, STAGES, measure_profile
+from lumipath.bench.profile import KINDS, STAGES, measure_profile
+from lumipath.bench.throughput import PROFILE_SETTINGS
 from lumipath.cli import main
 from lumipath.errors import UsageError
 from lumipath.scene import Scene, Sphere

@@ -9,22 +9,19 @@ from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import attrs
 import numpy as np
 from attrs import asdict, field, frozen
 from numpy.typing import NDArray
 
 from ..errors import UsageError
 from ..settings import RenderSettings
-from .throughput import BENCH_SETTINGS
+from .throughput import PROFILE_SETTINGS
 
 if TYPE_CHECKING:
     from ..devices.cpu_arrays import Batch
     from ..pack.layout import PackedScene, View
     from ..pack.scene import Packed
     from ..scene import Scene
-
-PROFILE_SETTINGS = attrs.evolve(BENCH_SETTINGS, spp=16)
 
 STAGES = ("generate", "extend", "shade", "shadow", "develop")
 """Camera rays; nearest hits of paths; surfaces, lights and next directions; shadow rays; adding to the film."""

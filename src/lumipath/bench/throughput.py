@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 from typing import TYPE_CHECKING, Any
 
+import attrs
 from attrs import asdict, frozen
 
 from ..errors import RenderError
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 # Five bounces and no roulette: what the published figures of other renderers are for.
 BENCH_SETTINGS = RenderSettings(max_depth=5, rr_depth=None)
+PROFILE_SETTINGS = attrs.evolve(BENCH_SETTINGS, spp=16)
 
 
 @frozen

@@ -9,8 +9,7 @@ import typer
 
 from ..bench import compare as comparing
 from ..bench.figure1 import CPU_LIMIT, FIGURE1_SETTINGS, SAMPLES, SCENES, measure_points, report
-from ..bench.profile import PROFILE_SETTINGS, measure_profile
-from ..bench.throughput import BENCH_SETTINGS, measure
+from ..bench.throughput import BENCH_SETTINGS, PROFILE_SETTINGS, measure
 from ._device import DeviceOption, GpuFlag, device_from
 from ._scene import SceneArgument, open_scene
 from ._settings import from_flags, from_size, settings_from, with_setting_flags
@@ -80,6 +79,7 @@ def profile(
     **flags: Any,
 ) -> None:
     """Where a path's time goes on the CPU, and rays per second of one thread beside Embree's, if embreex is there."""
+    from ..bench.profile import measure_profile
     from ._profile import show_profile
 
     settings = settings_from([*from_flags(flags), *from_size(size)], PROFILE_SETTINGS)

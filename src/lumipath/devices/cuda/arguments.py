@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_type_hints
 
 import numba
 import numpy as np
 from numba import types
 
+from ...lang.struct import SCALAR_TYPES
 from ...pack.layout import FilmArrays, LayerArrays, LayerColumns, View
 from .driver import DeviceArray
 
@@ -30,15 +31,9 @@ def to_device(value: Any) -> Any:
     return value
 
 
+# All but the lens are numbers.
 VIEW_TYPE = types.NamedTuple(
-    (
-        types.Array(types.float32, 1, "C"),
-        *([types.int32] * 6),
-        *([types.uint32] * 2),
-        *([types.int32] * 2),
-        *([types.float32] * 2),
-    ),
-    View,
+    [SCALAR_TYPES.get(kind, types.Array(types.float32, 1, "C")) for kind in get_type_hints(View).values()], View
 )
 FILM_TYPE = types.NamedTuple(
     (
