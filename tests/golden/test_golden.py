@@ -8,7 +8,7 @@ from golden import REFERENCE_SEEDS, SCENES, rendered, stored
 from judging import ALPHA, ROUNDING
 from scipy import stats
 
-SEEDS = 8
+SEEDS = 16
 
 
 def p_value(images, mean, variance, block=4):
