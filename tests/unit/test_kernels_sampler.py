@@ -21,11 +21,10 @@ from lumipath.kernels.sampler import (
     later_pair,
     pcg4d,
     sample_number,
-    sobol_fourth,
     sobol_pair,
     sobol_second,
     sobol_single,
-    sobol_third,
+    sobol_third_and_fourth,
     unit_float,
 )
 from lumipath.lang import Features, i32, reverse_bits, u32
@@ -52,8 +51,14 @@ def _later(sample, key):
 
 
 later = looped(_later, outputs=2)
-third = looped(lambda i: reverse_bits(sobol_third(i)), dtype=U)
-fourth = looped(lambda i: reverse_bits(sobol_fourth(i)), dtype=U)
+
+
+def _third_and_fourth(i):
+    third, fourth = sobol_third_and_fourth(i)
+    return reverse_bits(third), reverse_bits(fourth)
+
+
+third_and_fourth = looped(_third_and_fourth, outputs=2, dtype=U)
 single = looped(lambda sample, key: sobol_single(reverse_bits(sample), key))
 hashed = looped(lambda x: hash32(x), dtype=U)
 
@@ -112,8 +117,8 @@ def test_the_third_and_fourth_dimension_are_those_of_sobol():
         return [number << (31 - k) for k, number in enumerate(m)]
 
     points = np.concatenate([2 ** np.arange(16, dtype=U), U([0, 3, 77, 12345, 65535])])
-    for kernel, expected in ((third, columns(2, 1, [1, 3])), (fourth, columns(3, 1, [1, 3, 1]))):
-        found = kernel(points)
+    expectations = columns(2, 1, [1, 3]), columns(3, 1, [1, 3, 1])
+    for found, expected in zip(third_and_fourth(points), expectations, strict=True):
         for i, x in zip(points, found, strict=True):
             assert x == functools.reduce(operator.xor, (expected[k] for k in range(16) if i >> k & 1), 0)
 
