@@ -17,9 +17,11 @@ from lumipath.devices.cuda import layers as layers_module
 from lumipath.devices.cuda.arguments import FILM_TYPE, LAYERS_TYPE, VIEW_TYPE, type_of
 from lumipath.devices.cuda.device import CudaDevice, joint_name, slice_samples
 from lumipath.devices.cuda.driver import OutOfMemoryError
+from lumipath.devices.cuda.schedulers import Megakernel, Wavefront, scheduler_for
 from lumipath.devices.cuda.work import item_count
 from lumipath.devices.device import goals_of
 from lumipath.errors import DeviceError, UsageError
+from lumipath.pack import layout
 from lumipath.pack.scene import pack_scene, pack_view
 from lumipath.rendering.film import Film
 from lumipath.rendering.layer_film import LayerFilm
@@ -103,10 +105,28 @@ def test_kernels_are_compiled_for_the_scene_before_it_is_there(device, scene):
     assert str(type_of(draft)) == str(type_of(uploaded))
 
 
+@pytest.mark.parametrize(
+    ("kernel", "mask", "expected"),
+    [
+        ("auto", layout.TRIANGLE_LIGHTS | layout.LOBE_GLASS, Megakernel),
+        ("auto", layout.CONDUCTORS, Wavefront),
+        ("auto", layout.LIGHT_TREE, Wavefront),
+        ("auto", layout.PRINCIPLED | layout.ADAPTIVE, Megakernel),
+        ("auto", layout.PRINCIPLED | layout.VARIANCE, Megakernel),
+        ("auto", layout.PRINCIPLED | layout.WHITTED, Megakernel),
+        ("megakernel", layout.PRINCIPLED, Megakernel),
+        ("wavefront", 0, Wavefront),
+        ("wavefront", layout.ALBEDO, Megakernel),
+    ],
+)
+def test_long_shading_gets_a_kernel_of_its_own(kernel, mask, expected):
+    assert scheduler_for(mask, kernel) is expected
+
+
 def test_a_tree_deeper_than_most_has_kernels_compiled_once_more(device, monkeypatch):
     packed = pack_scene(builtin("cornell-box"))
     compiled = []
-    monkeypatch.setattr(module, "Megakernel", lambda gpu, scene, stack: compiled.append(stack))
+    monkeypatch.setattr(module, "scheduler_for", lambda mask, kernel: lambda gpu, scene, stack: compiled.append(stack))
     device.compile(device.draft(packed), None, None)
     device.compile(device.upload(packed), None, None)
     assert compiled == [64] * len(device._workers)

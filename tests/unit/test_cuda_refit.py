@@ -80,7 +80,7 @@ def test_where_memory_runs_out_the_frame_before_goes_on(device, monkeypatch):
 
 def test_kernels_are_compiled_once_for_all_frames(device, monkeypatch):
     made = []
-    monkeypatch.setattr(module, "Megakernel", lambda *arguments: made.append(arguments))
+    monkeypatch.setattr(module, "scheduler_for", lambda mask, kernel: lambda *arguments: made.append(arguments))
     packed = device.upload(pack_scene(builtin("bench-cornell")))
     for _ in range(3):
         device.compile(packed, None, None)

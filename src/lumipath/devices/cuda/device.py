@@ -19,14 +19,14 @@ from ...accel.stand_in import LARGE, build_for_gpu
 from ...accel.two_level import build_trees
 from ...errors import DeviceError
 from ...lang import Features
-from ...pack.layout import PIXEL_INTEGRATORS, TILE, WIDE_TREE, FilmArrays, LayerArrays, PackedScene, View
+from ...pack.layout import TILE, WIDE_TREE, FilmArrays, LayerArrays, PackedScene, View
 from ...pack.scene import Packed
 from ..device import DeviceInfo, goals_of
 from ..interrupts import deferred_interrupts
 from .arguments import to_device
 from .driver import DeviceArray, Gpu, OutOfMemoryError, device_count
 from .layers import LayerPass
-from .schedulers import Megakernel, Scheduler, Wavefront
+from .schedulers import Scheduler, scheduler_for
 
 # Below this many primitives a binary tree that is walked to its end is faster than voting over a wide one (measured).
 SMALL_SCENE = 2000
@@ -62,10 +62,7 @@ class Worker:
         if wanted == self._compiled:
             return
         self.gpu.open()
-        has_paths = not scene.features.mask & PIXEL_INTEGRATORS
-        # The megakernel was faster on every scene that was measured.
-        scheduler = Wavefront if kernel == "wavefront" and has_paths else Megakernel
-        self._scheduler = scheduler(self.gpu, scene, stack)
+        self._scheduler = scheduler_for(scene.features.mask, kernel)(self.gpu, scene, stack)
         self._compiled = wanted
 
     def begin(self, scene: PackedScene, view: View, film: FilmArrays, *, empty: bool) -> None:

@@ -31,11 +31,10 @@ from ...lang import Vec3, i32, kernel, stack_ints, struct, u32
 from ...lang.cuda import cuda_entry
 from ...pack.layout import ADAPTIVE
 from .film import add_samples
-from .work import finite_or_counted, is_on_film, lanes_before, place_in_tile, tile_of
+from .work import BLOCK, finite_or_counted, is_on_film, lanes_before, place_in_tile, tile_of
 
 _ALL = 0xFFFFFFFF
 _WARP = i32(32)
-BLOCK = 128
 _SUMS = BLOCK * 3
 # Behind the sums of light lie those of squares, where there are any.
 _ALL_SUMS = BLOCK * 4

@@ -12,9 +12,11 @@ from ...lang import i32, u32
 from ...lang.cuda import Compiled, compile_cubin
 from ...pack.layout import (
     ADAPTIVE,
+    BSDFS,
     DIELECTRICS,
     FILM_LAYERS,
     INSTANCES,
+    LIGHT_TREE,
     MIRRORS,
     PIXEL_INTEGRATORS,
     QUADRICS,
@@ -22,18 +24,21 @@ from ...pack.layout import (
     WIDE_TREE,
 )
 from .arguments import FILM_TYPE, VIEW_TYPE, type_of
-from .driver import DeviceArray, Gpu, Kernel, Stream, flatten_arguments, pointers_to
-from .megakernel import BLOCK, make_refill, make_vote
+from .driver import DeviceArray, Gpu, Kernel, OutOfMemoryError, Stream, flatten_arguments, pointers_to
+from .megakernel import make_refill, make_vote
 from .paths import make_paths
 from .pixels import make_pixels
 from .wavefront import BLOCKS_PER_MULTIPROCESSOR, ROWS, TRACING, WAVE_TYPE, Wave, make_wavefront
-from .work import COUNTERS, PATHS, REJECTED, WARP, WORK_TYPE, Work, item_count
+from .work import BLOCK, COUNTERS, PATHS, REJECTED, WARP, WORK_TYPE, Work, item_count
 
+_LONG_SHADING = BSDFS | LIGHT_TREE
 _RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS | INSTANCES
 # Paths in flight in the wavefront: enough to fill any GPU, and 128 bytes each.
 _SLOTS = 1 << 22
 # Lanes that a multiprocessor holds, and the most planes of sums that a small film gets to have as many.
 _LANES, _MOST_PLANES = 1024, 64
+# Of the stages of the wavefront, where it matters (measured).
+_REGISTERS = dict.fromkeys(TRACING, 64) | {"shade": 80}
 # Rounds between looks at how many paths are left.
 _ROUNDS = 16
 
@@ -87,32 +92,52 @@ class Wavefront:
             name: Kernel(made.cubin, made.name)
             for name, made in compile_wavefront(scene_arguments(scene), gpu.capability, stack).items()
         }
+        self._most_slots = _SLOTS
         self._state: DeviceArray | None = None
         self._queue: DeviceArray | None = None
         self._stream = Stream()
         self._counters = Counters(self._stream)
 
     def planes(self, view: Any) -> int:
-        """One: each pixel has a slot."""
+        """One: what the slots of a pixel have gathered is summed before it comes to the film."""
         return 1
 
     def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> int:
         """Add samples to the film; see `Scheduler.run`."""
         items = item_count(int(view.film_width), int(view.film_height))
-        slots = min(items, _SLOTS)
-        if self._state is None or self._queue is None:
-            self._state = DeviceArray((slots * ROWS * 4,), np.float32)
-            self._queue = DeviceArray((2 * slots,), np.int32)
+        at_once = min(items, _SLOTS)
+        state, queue = self._room_for(at_once, last - first)
+        # A small film has several planes of slots, so that it fills the GPU.
+        planes = min(queue.shape[0] // (2 * at_once), last - first)
+        share = -(-(last - first) // planes)
         rejected = 0
-        for base in range(0, items, slots):
+        for base in range(0, items, at_once):
+            part = min(at_once, items - base)
             wave = Wave(
-                self._counters.array,
-                *(self._state, self._queue),
-                *(i32(base), i32(min(slots, items - base)), i32(0)),
-                *(u32(first), u32(last)),
+                *(self._counters.array, state, queue),
+                *(i32(base), i32(part), i32(part * planes), u32(share)),
+                *(i32(0), u32(first), u32(last)),
             )
             rejected += self._run_wave(scene, view, film, wave)
         return rejected
+
+    def _room_for(self, items: int, samples: int) -> tuple[DeviceArray, DeviceArray]:
+        """State and queues of slots for so many samples of items, in as many planes as there is memory for.
+
+        Raises:
+            OutOfMemoryError: there is none for one plane.
+        """
+        wanted = items * min(max(self._most_slots // items, 1), samples)
+        while self._state is None or self._queue is None or self._queue.shape[0] < 2 * wanted:
+            self._state = self._queue = None
+            try:
+                self._state = DeviceArray((wanted * ROWS * 4,), np.float32)
+                self._queue = DeviceArray((2 * wanted,), np.int32)
+            except OutOfMemoryError:
+                if wanted == items:
+                    raise
+                wanted = self._most_slots = items
+        return self._state, self._queue
 
     def _run_wave(self, scene: Any, view: Any, film: Any, wave: Wave) -> int:
         # Packing the arguments takes longer than a stage, so it is done once for each of the two queues.
@@ -137,8 +162,18 @@ class Wavefront:
                 launch("turn", 1, parity)
                 parity = 1 - parity
             waiting = int(self._counters.read()[PATHS + parity])
-        launch("finish", int(wave.slots))
+        launch("finish", int(wave.items))
         return int(self._counters.read()[REJECTED])
+
+
+def scheduler_for(mask: int, kernel: str) -> type[Megakernel] | type[Wavefront]:
+    """Which scheduler renders scenes with these features, where the settings ask for this kernel.
+
+    Whole paths in one kernel are the faster way as long as its instructions fit into their cache (decision 0008).
+    """
+    if mask & (PIXEL_INTEGRATORS | FILM_LAYERS | ADAPTIVE) or kernel == "megakernel":
+        return Megakernel
+    return Wavefront if kernel == "wavefront" or mask & _LONG_SHADING else Megakernel
 
 
 class Counters:
@@ -169,11 +204,13 @@ def compiler_of(mask: int) -> Callable[[tuple[Any, ...], tuple[int, int], int], 
 def compile_megakernel(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> Compiled:
     """The megakernel for argument types: which one, and with how many registers, was measured."""
     mask = scene[0].types[0].mask
-    rich, adaptive = bool(mask & _RICH), bool(mask & ADAPTIVE)
+    rich, long, adaptive = bool(mask & _RICH), bool(mask & BSDFS), bool(mask & ADAPTIVE)
+    # The longer it takes to shade, the more lanes are to do it at a time.
     if mask & WIDE_TREE:
-        kernel, registers = make_vote(stack, 16 if rich else 8, 8, 2, adaptive), 64 if rich else 56
+        shade_at = 28 if long else 16 if rich else 8
+        kernel, registers = make_vote(stack, shade_at, 8, 2, adaptive), 64 if rich else 56
     else:
-        kernel, registers = make_refill(stack, 18, adaptive), 64
+        kernel, registers = make_refill(stack, 8 if long else 18, adaptive), 64
     return compile_cubin(kernel, (*scene, WORK_TYPE), capability, registers)
 
 
@@ -190,7 +227,7 @@ def compile_paths(scene: tuple[Any, ...], capability: tuple[int, int], stack: in
 def compile_wavefront(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> dict[str, Compiled]:
     """The kernels of the wavefront for argument types."""
     return {
-        name: compile_cubin(kernel, (*scene, WAVE_TYPE), capability, 64 if name in TRACING else 0)
+        name: compile_cubin(kernel, (*scene, WAVE_TYPE), capability, _REGISTERS.get(name, 0))
         for name, kernel in make_wavefront(stack).items()
     }
 

@@ -1,9 +1,10 @@
 """One kernel a stage: extend, shade, shadow. Paths wait in queues between them.
 
 A slot belongs to a pixel and carries one path at a time; its state lies in global memory. Each stage works through a
-queue of slots without gaps and fills the next one, so that all lanes of a warp do the same thing. The stages that trace
-rays run as many threads as the GPU holds: lanes that are done fetch further rays from the queue, and the warp votes on
-what to do next, as in the megakernel.
+queue of slots without gaps and fills the next one, so that all lanes of a warp do the same thing. Neighbours in the
+image stay about neighbours in the queue, since their rays meet the same boxes. The stages that trace rays run as many
+threads as the GPU holds: lanes that are done fetch further rays from the queue, and the warp votes on what to do next,
+as in the megakernel.
 """
 
 from __future__ import annotations
@@ -38,13 +39,15 @@ _FETCH_AT, _LEAF_AT, _NODE_STEPS = 8, 8, 2
 
 
 class Wave(NamedTuple):
-    """One launch of a stage: the samples first .. last - 1 of the pixels of `slots` work items from `base` on."""
+    """One launch of a stage: the samples first .. last - 1 of the pixels of `items` work items from `base` on."""
 
     counters: NDArray[Any]  # (COUNTERS,) uint32
     state: NDArray[Any]  # (slots * ROWS * 4,) float32
     queue: NDArray[Any]  # (2 * slots,) int32
     base: i32
-    slots: i32
+    items: i32
+    slots: i32  # some planes of items, each of which renders its share of the samples
+    share: u32
     parity: i32  # which of the two queues is worked through; the other one is filled
     first: u32
     last: u32
@@ -54,6 +57,8 @@ WAVE_TYPE = types.NamedTuple(
     (
         *(types.Array(kind, 1, "C") for kind in (types.uint32, types.float32, types.int32)),
         *([types.int32] * 3),
+        types.uint32,
+        types.int32,
         *([types.uint32] * 2),
     ),
     Wave,
@@ -87,6 +92,20 @@ def enqueue(wanted, wave, parity, slot):
 
 
 @kernel
+def place_of_slot(view, wave, slot):
+    """Column and row on the film of a slot's pixel."""
+    return place_of(u32(wave.base + i32(u32(slot) % u32(wave.items))), view.film_width)
+
+
+@kernel
+def samples_of_slot(wave, slot):
+    """The first sample of a slot, and that behind its last."""
+    plane = u32(u32(slot) // u32(wave.items))
+    first = min(u32(wave.first + plane * wave.share), wave.last)
+    return first, min(u32(first + wave.share), wave.last)
+
+
+@kernel
 def new_path(scene, view, column, row, sample):
     """The camera path of a sample of a place on the film."""
     x = i32(view.left + column)
@@ -115,12 +134,15 @@ def store_light(wave, slot, light, medium):
 def wf_start(scene, view, film, wave):
     """Begin the first sample of every slot."""
     slot = i32(cuda.grid(1))
-    column, row = place_of(u32(wave.base + slot), view.film_width)
+    column, row = place_of_slot(view, wave, slot)
+    first, behind = samples_of_slot(wave, slot)
     there = (slot < wave.slots) & (column < view.film_width) & (row < view.film_height)
     if there:
-        path = new_path(scene, view, column, row, wave.first)
-        store_path(wave, slot, path, wave.first)
+        path = new_path(scene, view, column, row, first)
+        store_path(wave, slot, path, first)
+        # `wf_finish` adds up all planes, those without a sample too.
         store_light(wave, slot, black(), path.medium)
+        there = first < behind
     cuda.syncwarp()
     enqueue(there, wave, i32(0), slot)
 
@@ -239,7 +261,7 @@ def wf_shade(scene, view, film, wave):
         found = read4(wave.state, at(wave, _HIT, slot))
         sample = u32(as_int(t[3]))
         depth = as_int(d[3])
-        column, row = place_of(u32(wave.base + slot), view.film_width)
+        column, row = place_of_slot(view, wave, slot)
         number = sample_number(scene, view, i32(view.left + column), i32(view.top + row), sample)
         path = Path(Ray(xyz(o), xyz(d), INF), xyz(t), o[3], depth, as_int(light[3]), True)
         numbers = direction_numbers(scene, number.pixel, number.sample, view.seed, depth)
@@ -253,7 +275,8 @@ def wf_shade(scene, view, film, wave):
         if not going:
             # The slot's next sample begins at once.
             sample = u32(sample + u32(1))
-            going = sample < wave.last
+            _, behind = samples_of_slot(wave, slot)
+            going = sample < behind
             path = new_path(scene, view, column, row, sample)
         store_path(wave, slot, path, sample)
         store_light(wave, slot, xyz(light) + finite_or_counted(wave.counters, step.emitted), path.medium)
@@ -276,11 +299,14 @@ def wf_turn(scene, view, film, wave):
 
 
 def wf_finish(scene, view, film, wave):
-    """Add what the slots have gathered to the film."""
-    slot = i32(cuda.grid(1))
-    column, row = place_of(u32(wave.base + slot), view.film_width)
-    if (slot < wave.slots) & (column < view.film_width) & (row < view.film_height):
-        add_samples(film, i32(row * view.film_width + column), xyz(read4(wave.state, at(wave, 3, slot))))
+    """Add what the slots of each pixel have gathered to the film."""
+    item = i32(cuda.grid(1))
+    column, row = place_of(u32(wave.base + item), view.film_width)
+    if (item < wave.items) & (column < view.film_width) & (row < view.film_height):
+        light = black()
+        for plane in range(wave.slots // wave.items):
+            light = light + xyz(read4(wave.state, at(wave, 3, i32(plane * wave.items + item))))
+        add_samples(film, i32(row * view.film_width + column), light)
 
 
 TRACING = ("extend", "shadow")

@@ -21,6 +21,7 @@ PATHS = i32(4)
 COUNTERS = 8
 
 WARP = 32
+BLOCK = 128
 
 
 class Work(NamedTuple):
