@@ -53,7 +53,7 @@ ENDS = [CAPABILITIES[0], CAPABILITIES[-1]]
 
 @pytest.fixture(autouse=True, scope="module")
 def single_precision(tmp_path_factory):
-    """Whatever is compiled here computes in single precision and calls no function; nothing is taken from the disk."""
+    """Whatever is compiled here computes in single precision and calls only its own; nothing is taken from the disk."""
     folder, compile_ptx = tmp_path_factory.mktemp("kernels"), cuda.compile_ptx
 
     def checked(*arguments):
@@ -61,7 +61,11 @@ def single_precision(tmp_path_factory):
         body = ptx[ptx.index(".entry") :]
         assert re.search(r"\.f32\s", body)
         assert not re.search(r"\.f64\s", body)
-        assert not re.search(r"\bcall(\.uni)?\b", body)
+        # The one look-up of textures may stay a function; libraries have none that is needed.
+        called = re.findall(r"\bcall(?:\.uni)?\s+(?:\([^)]*\),\s*)?(\w+)", body)
+        assert len(called) == len(re.findall(r"\bcall(?:\.uni)?\b", body))
+        assert all("looked_up" in name for name in called)
+        assert ".extern .func" not in ptx
         return ptx
 
     with pytest.MonkeyPatch.context() as patch:
@@ -125,7 +129,10 @@ def test_textured_principled_surfaces_below_a_sky_compile_within_bounds():
     made = compile_megakernel(arguments("bench-materials-cornell", wide=True), (9, 0), STACK)
     registers, stack = resources(made.report)
     assert registers <= 64
-    assert stack <= 4 * STACK + 224
+    # Calls of the look-up of textures save registers there.
+    assert stack <= 4 * STACK + 256
+    # What a GPU can keep of its instructions near (decision 0008).
+    assert len(made.cubin) < 1 << 17
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["binary", "wide"])

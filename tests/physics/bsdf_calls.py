@@ -64,12 +64,12 @@ metal, glass, sheet, matt = kernel(metal), kernel(glass), kernel(sheet), kernel(
 
 
 def eval_of_metal(scene, eta, alpha_x, alpha_y, ox, oy, oz, ix, iy, iz):
-    value = eval_metal(metal(alpha_x, alpha_y), Vec3(ox, oy, oz), Vec3(ix, iy, iz))
+    value = eval_metal(scene, metal(alpha_x, alpha_y), Vec3(ox, oy, oz), Vec3(ix, iy, iz))
     return value.f.x, value.pdf
 
 
 def sample_of_metal(scene, eta, alpha_x, alpha_y, ox, oy, oz, u, v, choice):
-    s = sample_metal(metal(alpha_x, alpha_y), Vec3(ox, oy, oz), u, v)
+    s = sample_metal(scene, metal(alpha_x, alpha_y), Vec3(ox, oy, oz), u, v)
     return s.wi.x, s.wi.y, s.wi.z, s.weight.x, s.pdf
 
 

@@ -44,7 +44,7 @@ def metal_weight(scene, reflectance, compensated, anisotropy, turn, roughness, m
     sine = sqrt(max(1.0 - mu * mu, 0.0))
     c, s = cos_sin_turn(turn)
     wo = Vec3(c * sine, s * sine, mu)
-    return sample_metal(m, wo, u, v).weight.x
+    return sample_metal(scene, m, wo, u, v).weight.x
 
 
 @pytest.fixture(scope="module")

@@ -160,7 +160,7 @@ def _conductor_value(scene, ox, oy, oz, ix, iy, iz):
     wo = Vec3(ox, oy, oz)
     wi = Vec3(ix, iy, iz)
     s = surface(i32(0), True)
-    found = eval_metal(metal_at(scene, s, TINTED_METAL_KIND, question(scene, s, wo, wi)), wo, wi)
+    found = eval_metal(scene, metal_at(scene, s, TINTED_METAL_KIND, question(scene, s, wo, wi)), wo, wi)
     return found.f.x, found.f.y, found.f.z, found.pdf
 
 

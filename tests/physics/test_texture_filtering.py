@@ -8,6 +8,8 @@ from judging import assert_same
 from parts import floor, sky
 from renders import renders
 
+from lumipath.lang import Features, features_of
+from lumipath.pack.layout import TEXTURED_EMISSION
 from lumipath.scene import Camera, Checker, Diffuse, Scene, Texture
 
 SIZE = {"width": 48, "height": 32, "max_depth": 1}
@@ -43,7 +45,8 @@ def without_noise_of_light(packed):
     materials[:, 4:8] = materials[:, 0:4]
     materials[:, 0:3] = 0
     materials.view(np.int32)[:, 3] = -1
-    return packed._replace(materials=materials)
+    mask = features_of(packed) | TEXTURED_EMISSION
+    return packed._replace(materials=materials, features=Features(mask))
 
 
 @pytest.mark.parametrize("kind", TEXTURES)

@@ -13,7 +13,7 @@ from lumipath.kernels.surface import Surface
 from lumipath.kernels.tangents import no_tangents
 from lumipath.kernels.vectors import frame_around
 from lumipath.lang import Features, Vec3, i32
-from lumipath.pack.layout import DIELECTRICS, MIRRORS
+from lumipath.pack.layout import LOBE_GLASS, LOBE_MIRRORS
 from lumipath.pack.scene import pack_scene, pack_view
 from lumipath.scene import Camera, Scene, Sphere
 from lumipath.settings import RenderSettings
@@ -41,7 +41,7 @@ bounces = looped(_bounce, outputs=3, scene=True)
 @pytest.fixture(scope="module")
 def extremes():
     """Pixels and samples whose number for the choice of a lobe is the largest, or 0."""
-    scene = pack_scene(Scene(shapes=[Sphere()])).scene._replace(features=Features(MIRRORS | DIELECTRICS))
+    scene = pack_scene(Scene(shapes=[Sphere()])).scene._replace(features=Features(LOBE_MIRRORS | LOBE_GLASS))
     found = []
     for block in range(16):
         pixel, sample = np.divmod(np.arange(block << 22, (block + 1) << 22), 4096)
@@ -54,7 +54,7 @@ def extremes():
 
 
 @pytest.mark.parametrize("mirror", [0.0, 0.3])
-@pytest.mark.parametrize("mask", [MIRRORS, MIRRORS | DIELECTRICS])
+@pytest.mark.parametrize("mask", [LOBE_MIRRORS, LOBE_MIRRORS | LOBE_GLASS])
 def test_light_never_goes_through_an_opaque_surface_whatever_its_albedo_and_the_random_number(extremes, mask, mirror):
     scene, pixel, sample, _ = extremes
     view = pack_view(Camera(), RenderSettings(width=8))
@@ -68,7 +68,7 @@ def test_light_never_goes_through_an_opaque_surface_whatever_its_albedo_and_the_
 
 
 def test_each_lobe_is_drawn_with_the_probability_of_its_weight_and_weighs_all_of_them():
-    scene = pack_scene(Scene(shapes=[Sphere()])).scene._replace(features=Features(MIRRORS | DIELECTRICS))
+    scene = pack_scene(Scene(shapes=[Sphere()])).scene._replace(features=Features(LOBE_MIRRORS | LOBE_GLASS))
     view = pack_view(Camera(), RenderSettings(width=8))
     pixel = np.arange(200_000, dtype=np.uint32)
     z, weight, pdf = bounces((scene, view), pixel, np.uint32(0), np.float32(0.2), np.float32(0.3), np.float32(0.5))

@@ -10,7 +10,7 @@ import pytest
 from numba.core.caching import NullCache
 from numba.core.compiler import CompilerBase
 
-from lumipath.lang import DEBUG_PYTHON, compiled, entry, f32, kernel, load, store
+from lumipath.lang import DEBUG_PYTHON, called_not_inlined, compiled, entry, f32, i32, kernel, load, start_of, store
 from lumipath.lang.compiler import EntryCompiler, EntryLibrary, KernelLibrary
 
 pytestmark = pytest.mark.skipif(DEBUG_PYTHON, reason="nothing is compiled")
@@ -53,6 +53,25 @@ def test_a_kernel_is_llvm_code_only_and_its_entry_is_one_function_of_machine_cod
     defined = [function.name for function in made.library.get_defined_functions()]
     assert len(defined) == 2
     assert not any("doubled" in name or "folded" in name for name in defined)
+
+
+@kernel
+def last_of(values, n):
+    called_not_inlined()
+    return load(values, n - 1)
+
+
+def last_and_first(values, out):
+    # As an address, of which LLVM code has no more than that.
+    store(out, 0, last_of(start_of(values), i32(len(values))) + last_of(start_of(values), i32(1)))
+
+
+def test_a_kernel_that_is_called_has_one_copy_of_its_code():
+    both = entry(last_and_first)
+    both._cache = NullCache()
+    assert result_of(both) == 201
+    (made,) = both.overloads.values()
+    assert sum("last_of" in function.name for function in made.library.get_defined_functions()) == 1
 
 
 def test_a_function_of_numba_itself_may_call_kernels():

@@ -35,6 +35,7 @@ from lumipath.scene import (
 from lumipath.settings import RenderSettings
 
 GLOW = Material(emission=2.0)
+GLASS = layout.DIELECTRICS | layout.LOBE_GLASS
 TEXTURE = Texture(image=np.full((2, 3, 3), 0.5))
 
 
@@ -46,13 +47,13 @@ def mask_of(*shapes, lights=(), environment=None):
     ("scene", "expected"),
     [
         ({"shapes": [Box()]}, 0),
-        ({"shapes": [Box(material=Material(specular=0.1))]}, layout.MIRRORS),
-        ({"shapes": [Box(material=Material(reflective=0.1))]}, layout.MIRRORS),
+        ({"shapes": [Box(material=Material(specular=0.1))]}, layout.MIRRORS | layout.LOBE_MIRRORS),
+        ({"shapes": [Box(material=Material(reflective=0.1))]}, layout.MIRRORS | layout.LOBE_MIRRORS),
         ({"shapes": [Box(material=Material(specular=0.0, reflective=0.1))]}, 0),
-        ({"shapes": [Box(material=Material(transmissive=0.1))]}, layout.DIELECTRICS),
-        ({"shapes": [Box(material=Material(transmissive=0.1, reflective=0.5))]}, layout.DIELECTRICS),
-        ({"shapes": [Box(material=Material(diffuse=TEXTURE))]}, layout.TEXTURES),
-        ({"shapes": [Box(material=Material(ambient=TEXTURE))]}, layout.TEXTURES),
+        ({"shapes": [Box(material=Material(transmissive=0.1))]}, GLASS),
+        ({"shapes": [Box(material=Material(transmissive=0.1, reflective=0.5))]}, GLASS),
+        ({"shapes": [Box(material=Material(diffuse=TEXTURE))]}, layout.TEXTURES | layout.TEXTURED_LOBES),
+        ({"shapes": [Box(material=Material(ambient=TEXTURE))]}, layout.TEXTURES | layout.TEXTURED_LOBES),
         ({"shapes": [Sphere()]}, layout.QUADRICS),
         ({"shapes": [Sphere(material=GLOW)]}, layout.QUADRICS | layout.QUADRIC_LIGHTS | layout.ROUND_LIGHTS),
         ({"shapes": [Square(material=GLOW)]}, layout.TRIANGLE_LIGHTS),

@@ -12,7 +12,7 @@ from lumipath.pack import layout
 from lumipath.pack.scene import pack_scene
 from lumipath.pack.textures import mipmaps
 from lumipath.rendering.image import Image
-from lumipath.scene import Box, Checker, Conductor, Diffuse, Material, Mesh, Mix, Scene, Sphere, Texture
+from lumipath.scene import Box, Checker, Conductor, Dielectric, Diffuse, Material, Mesh, Mix, Scene, Sphere, Texture
 from lumipath.scene.textures import srgb_curve
 
 RNG = np.random.default_rng(1)
@@ -133,6 +133,7 @@ def mask_of(material, **options):
 
 
 DATA = Texture(BYTES, srgb=False)
+METAL = layout.CONDUCTORS | layout.MIRRORS
 
 
 @pytest.mark.parametrize(
@@ -145,7 +146,15 @@ DATA = Texture(BYTES, srgb=False)
         (Diffuse(normal_map=DATA), layout.NORMAL_MAPS | layout.TEXTURES),
         (Diffuse(bump_map=DATA), layout.NORMAL_MAPS | layout.TEXTURES),
         (Diffuse(two_sided=False), layout.CULLING),
-        (Conductor(roughness=DATA), layout.CONDUCTORS | layout.MIRRORS | layout.TEXTURES),
+        (Diffuse(reflectance=DATA), layout.TEXTURES | layout.TEXTURED_LOBES),
+        (Diffuse(emission=DATA), layout.TEXTURES | layout.TEXTURED_EMISSION | layout.TRIANGLE_LIGHTS),
+        # Lobes that stand for a metal are not what paths scatter at.
+        (Conductor(reflectance=DATA), METAL | layout.TEXTURES),
+        (Conductor(edge_tint=DATA), METAL | layout.TEXTURES | layout.TEXTURED_TINTS),
+        (Conductor(roughness=DATA), METAL | layout.TEXTURES | layout.TEXTURED_NUMBERS),
+        (Conductor(metal="gold"), METAL | layout.MEASURED_METALS),
+        (Dielectric(roughness=0.1), layout.ROUGH_DIELECTRICS | layout.DIELECTRICS),
+        (Dielectric(), layout.DIELECTRICS | layout.LOBE_GLASS),
         (Mix(first=Diffuse(), second=Diffuse(roughness=1.0)), layout.MIXES | layout.ROUGH_DIFFUSE),
         (Mix(first=Diffuse(), second=Diffuse(), emission=1.0), layout.MIXES | layout.TRIANGLE_LIGHTS),
     ],

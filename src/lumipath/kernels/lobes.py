@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from ..lang import INV_PI, Vec3, f32, i32, kernel, struct
-from ..pack.layout import ANY_LIGHT, DIELECTRICS, MIRRORS
+from ..pack.layout import ANY_LIGHT, LOBE_GLASS, LOBE_MIRRORS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.lambert import lambert_direction, lambert_pdf, lambert_weight
 from .bsdf.mirror import mirror_direction
 from .functions import power_heuristic
 from .light_layers import light_group
-from .lights import sample_light
-from .materials import lobes_at
 from .media import transmittance
 from .rays import SHADOW_END, Ray, no_ray, offset_point
 from .sampler import choice_numbers, dielectric_number
@@ -42,7 +40,7 @@ def only_diffuse(scene, lobes):
     return LobeChoice(1.0, 0.0, 0.0)
 
 
-@kernel(needs=MIRRORS | DIELECTRICS, otherwise=only_diffuse)
+@kernel(needs=LOBE_MIRRORS | LOBE_GLASS, otherwise=only_diffuse)
 def lobe_probabilities(scene, lobes):
     """Each lobe's share of the mean weights."""
     diffuse = mean_component(lobes.diffuse)
@@ -71,7 +69,7 @@ def bounce_only_diffuse(scene, view, s, lobes, choice, frame, wo, side, pixel, s
 # or glass that is not there would be divided by almost 0.
 
 
-@kernel(needs=MIRRORS, otherwise=bounce_only_diffuse)
+@kernel(needs=LOBE_MIRRORS, otherwise=bounce_only_diffuse)
 def bounce_without_dielectric(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, depth, u, v):
     """Lambert, and a mirror where the scene has any."""
     if choice_numbers(scene, pixel, sample, view.seed, depth).b < choice.mirror:
@@ -79,7 +77,7 @@ def bounce_without_dielectric(scene, view, s, lobes, choice, frame, wo, side, pi
     return bounce_diffuse(scene, lobes, choice.diffuse, frame, side, u, v)
 
 
-@kernel(needs=DIELECTRICS, otherwise=bounce_without_dielectric)
+@kernel(needs=LOBE_GLASS, otherwise=bounce_without_dielectric)
 def bounce(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, depth, u, v):
     """Draw a direction from a lobe that is chosen with the probability of its weight."""
     which = choice_numbers(scene, pixel, sample, view.seed, depth).b
@@ -93,17 +91,31 @@ def bounce(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, depth,
 
 
 @kernel
-def no_direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, numbers):
+def side_of(behind):
+    """The side of a surface on which its Lambert lobe lies: the viewer's, 1, or the other one, -1.
+
+    The paint on glass is on its outside: seen from within, it scatters light from without, and to there.
+    """
+    return f32(-1.0) if behind else f32(1.0)
+
+
+@kernel
+def lobe_origin(path, s, behind):
+    """Where shadow rays of the Lambert lobe begin."""
+    return offset_point(s.p, s.n * side_of(behind), path.ray.tmax, s.reach)
+
+
+@kernel
+def no_direct_light(scene, path, s, behind, lobes, probability, light, number):
     """A scene without lights."""
     return DirectLight(no_ray(), black(), i32(0))
 
 
 @kernel(needs=ANY_LIGHT, otherwise=no_direct_light)
-def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, numbers):
+def direct_light(scene, path, s, behind, lobes, probability, light, number):
     """Next-event estimation of the Lambert lobe, weighted against drawing the same direction from the lobe."""
+    side = side_of(behind)
     n = s.n * side
-    o = offset_point(s.p, n, path.ray.tmax, s.reach)
-    light, number = sample_light(scene, o, n, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
     cosine = dot(s.shading, light.direction) * side
     reaches = (light.pdf > 0.0) & (cosine > 0.0) & (dot(n, light.direction) > 0.0) & (probability > 0.0)
     competing = lambert_pdf(scene, cosine) * probability
@@ -113,17 +125,18 @@ def direct_light(scene, view, path, s, side, lobes, probability, pixel, sample, 
     radiance = radiance * transmittance(scene, medium, light.distance)
     # As values, not as branches: which way it goes cannot be predicted.
     tmax = light.distance * SHADOW_END if reaches else f32(0.0)
-    return DirectLight(Ray(o, light.direction, tmax), radiance, light_group(scene, number))
+    return DirectLight(Ray(lobe_origin(path, s, behind), light.direction, tmax), radiance, light_group(scene, number))
 
 
 @kernel
-def scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers):
-    """Direct light, and the next direction; arguments as those of `scatter`."""
-    lobes = lobes_at(scene, s)
-    # The paint on glass is on its outside: seen from within, it scatters light from without, and to there.
-    side = f32(-1.0) if behind else f32(1.0)
+def scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers, lobes, light, number):
+    """Direct light, and the next direction.
+
+    Arguments as those of `scatter`, the lobes there, and the light that may arrive at `lobe_origin`, with its number.
+    """
+    side = side_of(behind)
     choice = lobe_probabilities(scene, lobes)
-    direct = direct_light(scene, view, path, s, side, lobes, choice.diffuse, pixel, sample, numbers)
+    direct = direct_light(scene, path, s, behind, lobes, choice.diffuse, light, number)
     frame = frame_around(s.shading)
     wo = to_local(frame, -path.ray.d)
     drawn = bounce(scene, view, s, lobes, choice, frame, wo, side, pixel, sample, path.depth, numbers.c, numbers.d)

@@ -5,19 +5,20 @@ from __future__ import annotations
 from ..lang import Vec3, f32, kernel, load, load4, struct
 from ..pack.layout import (
     BLENDED_MATERIALS,
-    DIELECTRICS,
     DIFFUSE,
     EMISSION,
     INTERNAL_TINT,
+    LOBE_GLASS,
+    LOBE_MIRRORS,
+    LOOKS,
     MATERIAL_SIZE,
     MIRROR,
-    MIRRORS,
     MIXES,
     REFLECTION_TINT,
     REFRACTION,
     VERTEX_COLOURS,
 )
-from .textures import colour_at
+from .textures import emitted_colour, lobe_colour
 from .vectors import black, white
 from .vertex_colours import vertex_colour
 
@@ -40,10 +41,10 @@ def no_mirror(scene, material, u, v, footprint):
     return black()
 
 
-@kernel(needs=MIRRORS, otherwise=no_mirror)
+@kernel(needs=LOBE_MIRRORS | LOOKS, otherwise=no_mirror)
 def mirror_weight(scene, material, u, v, footprint):
     """Weight of the mirror lobe."""
-    return colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + MIRROR), u, v, footprint)
+    return lobe_colour(scene, load4(scene.materials, material * MATERIAL_SIZE + MIRROR), u, v, footprint)
 
 
 @kernel
@@ -52,20 +53,20 @@ def opaque_lobes(scene, material, diffuse, mirror, u, v, footprint):
     return Lobes(diffuse, mirror, 0.0, 1.0, white(), white())
 
 
-@kernel(needs=DIELECTRICS, otherwise=opaque_lobes)
+@kernel(needs=LOBE_GLASS | LOOKS, otherwise=opaque_lobes)
 def with_dielectric(scene, material, diffuse, mirror, u, v, footprint):
     """All lobes."""
     row = material * MATERIAL_SIZE
     refraction = load4(scene.materials, row + REFRACTION)
-    reflection = colour_at(scene, load4(scene.materials, row + REFLECTION_TINT), u, v, footprint)
-    internal = colour_at(scene, load4(scene.materials, row + INTERNAL_TINT), u, v, footprint)
+    reflection = lobe_colour(scene, load4(scene.materials, row + REFLECTION_TINT), u, v, footprint)
+    internal = lobe_colour(scene, load4(scene.materials, row + INTERNAL_TINT), u, v, footprint)
     return Lobes(diffuse, mirror, refraction[1], refraction[0], reflection, internal)
 
 
 @kernel
 def material_lobes(scene, material, u, v, footprint):
     """The lobes of one material."""
-    diffuse = colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + DIFFUSE), u, v, footprint)
+    diffuse = lobe_colour(scene, load4(scene.materials, material * MATERIAL_SIZE + DIFFUSE), u, v, footprint)
     return with_dielectric(scene, material, diffuse, mirror_weight(scene, material, u, v, footprint), u, v, footprint)
 
 
@@ -131,7 +132,7 @@ def lobes_at(scene, s):
 @kernel
 def material_emission(scene, material, u, v, footprint):
     """Radiance that leaves a surface of one material."""
-    return colour_at(scene, load4(scene.materials, material * MATERIAL_SIZE + EMISSION), u, v, footprint)
+    return emitted_colour(scene, load4(scene.materials, material * MATERIAL_SIZE + EMISSION), u, v, footprint)
 
 
 @kernel

@@ -21,7 +21,8 @@ from .bsdf.values import slot
 from .functions import power_heuristic
 from .light_layers import light_group
 from .lights import sample_light
-from .lobes import scatter_at_lobes
+from .lobes import lobe_origin, scatter_at_lobes, side_of
+from .materials import lobes_at
 from .media import index_beyond, medium_beyond, transmittance
 from .punctual import no_light
 from .rays import SHADOW_END, Ray, no_ray, offset_point
@@ -47,16 +48,15 @@ def may_be_lit_from_beyond(scene, kind):
 
 
 @kernel
-def no_light_at(scene, view, path, s, kind, pixel, sample, numbers):
+def no_light_at(scene, view, path, o, n, pixel, sample, numbers):
     """A scene without lights."""
     return no_light(), i32(-1)
 
 
 @kernel(needs=ANY_LIGHT, otherwise=no_light_at)
-def light_at(scene, view, path, s, kind, pixel, sample, numbers):
-    """Light that may arrive at a surface, from any side that matters."""
-    n = black() if may_be_lit_from_beyond(scene, kind) else s.n
-    return sample_light(scene, s.p, n, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
+def light_at(scene, view, path, o, n, pixel, sample, numbers):
+    """Light that may arrive at the point o, and its number; n as for `sample_light`."""
+    return sample_light(scene, o, n, pixel, sample, view.seed, path.depth, numbers.a, numbers.b)
 
 
 @kernel
@@ -83,10 +83,9 @@ def no_direct_light():
 
 
 @kernel
-def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
-    """Direct light, and the next direction; arguments as those of `scatter`."""
+def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers, light, number):
+    """Direct light, and the next direction; arguments as those of `scatter`, and the light that may arrive."""
     frame = shading_frame(scene, s)
-    light, number = light_at(scene, view, path, s, kind, pixel, sample, numbers)
     wi = to_local(frame, light.direction)
     choice = choice_numbers(scene, pixel, sample, view.seed, path.depth).b
     wo = to_local(frame, -path.ray.d)
@@ -105,7 +104,10 @@ def scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers):
 @kernel
 def scatter_at_any_lobes(scene, view, path, s, behind, pixel, sample, numbers):
     """A scene whose materials are all sums of lobes."""
-    return scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers)
+    lobes = lobes_at(scene, s)
+    n = s.n * side_of(behind)
+    light, number = light_at(scene, view, path, lobe_origin(path, s, behind), n, pixel, sample, numbers)
+    return scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers, lobes, light, number)
 
 
 @kernel(needs=BSDFS, otherwise=scatter_at_any_lobes)
@@ -123,6 +125,14 @@ def scatter(scene, view, path, s, behind, pixel, sample, numbers):
         numbers: of `direction_numbers` for the path's depth.
     """
     kind = as_int(slot(scene, s.material, i32(0))[0])
+    # Once for all materials: the lanes of a GPU would do it one material after the other.
+    n = s.n * side_of(behind)
+    o = lobe_origin(path, s, behind)
+    if kind != LOBES_KIND:
+        n = black() if may_be_lit_from_beyond(scene, kind) else s.n
+        o = s.p
+    light, number = light_at(scene, view, path, o, n, pixel, sample, numbers)
     if kind == LOBES_KIND:
-        return scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers)
-    return scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers)
+        lobes = lobes_at(scene, s)
+        return scatter_at_lobes(scene, view, path, s, behind, pixel, sample, numbers, lobes, light, number)
+    return scatter_at_bsdf(scene, view, path, s, kind, pixel, sample, numbers, light, number)

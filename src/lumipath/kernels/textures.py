@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
-from ..lang import Vec3, as_int, f32, i32, kernel, load, load4, struct
+from typing import Any, NamedTuple
+
+from ..lang import Vec3, as_int, called_not_inlined, f32, i32, kernel, load, load4, start_of, struct
 from ..pack.layout import (
     BYTES,
     CHANNEL_SHIFT,
     CHEQUERED,
     LINEAR_BYTES,
+    LOOKS,
     MIRRORED_U,
     MIRRORED_V,
     NEAREST,
     REPEATED_U,
     REPEATED_V,
     TEXTURE_SIZE,
+    TEXTURED_EMISSION,
+    TEXTURED_LOBES,
     TEXTURES,
 )
 from .functions import floor_int
 from .vectors import xyz
+
+
+class Images(NamedTuple):
+    """Where textures lie, as `start_of` tells it."""
+
+    textures: Any
+    texels: Any
+    words: Any
 
 
 @struct
@@ -38,16 +51,16 @@ class Step:
 
 
 @kernel
-def texel_at(scene, flags, index):
+def texel_at(images, flags, index):
     """One texel."""
     if (flags & BYTES) == 0:
-        row = load4(scene.texels, index * 4)
+        row = load4(images.texels, index * 4)
         return Texel(xyz(row), row[3])
-    word = load(scene.texel_words, index)
+    word = load(images.words, index)
     curve = i32(256) if (flags & LINEAR_BYTES) != 0 else i32(0)
-    r = load(scene.texels, curve + (word & 255))
-    g = load(scene.texels, curve + ((word >> 8) & 255))
-    b = load(scene.texels, curve + ((word >> 16) & 255))
+    r = load(images.texels, curve + (word & 255))
+    g = load(images.texels, curve + ((word >> 8) & 255))
+    b = load(images.texels, curve + ((word >> 16) & 255))
     return Texel(Vec3(r, g, b), f32((word >> 24) & 255) * 0.003921569)
 
 
@@ -85,7 +98,7 @@ def step_of(texels, head, steps):
 
 
 @kernel
-def interpolated(scene, flags, step, x, y):
+def interpolated(images, flags, step, x, y):
     """What a step shows at (x, y) from 0 to 1, y downwards: interpolated between centres of texels, or the nearest."""
     nearest = (flags & NEAREST) != 0
     x = x * f32(step.width) - (f32(0.0) if nearest else f32(0.5))
@@ -100,10 +113,10 @@ def interpolated(scene, flags, step, x, y):
     right = neighbour(column + 1, step.width, repeated_u)
     upper = i32(neighbour(row, step.height, repeated_v) * step.width + step.first)
     lower = i32(neighbour(row + 1, step.height, repeated_v) * step.width + step.first)
-    a = texel_at(scene, flags, upper + left)
-    b = texel_at(scene, flags, upper + right)
-    c = texel_at(scene, flags, lower + left)
-    d = texel_at(scene, flags, lower + right)
+    a = texel_at(images, flags, upper + left)
+    b = texel_at(images, flags, upper + right)
+    c = texel_at(images, flags, lower + left)
+    d = texel_at(images, flags, lower + right)
     top = a.colour * (1.0 - fx) + b.colour * fx
     bottom = c.colour * (1.0 - fx) + d.colour * fx
     top_alpha = a.alpha * (1.0 - fx) + b.alpha * fx
@@ -119,7 +132,7 @@ def triangle_wave(x):
 
 
 @kernel
-def chequered(scene, head, u, v, width):
+def chequered(images, head, u, v, width):
     """Chequers of half a unit of uv, 2 x 2 texels, as a box of that width sees them; 0: as they are."""
     x = 2.0 * (u - f32(floor_int(u)))
     y = 2.0 * (v - f32(floor_int(v)))
@@ -130,9 +143,42 @@ def chequered(scene, head, u, v, width):
     sharp = f32(1.0) if (x < 1.0) == (y < 1.0) else f32(-1.0)
     share = 0.5 + 0.5 * (across * upward if width > 0.0 else sharp)
     index = as_int(head[0])
-    first = texel_at(scene, i32(0), index + 2)
-    second = texel_at(scene, i32(0), index)
+    first = texel_at(images, i32(0), index + 2)
+    second = texel_at(images, i32(0), index)
     return Texel(first.colour * share + second.colour * (1.0 - share), 1.0)
+
+
+@kernel
+def looked_up(images, texture, u, v, footprint):
+    """Colour of a texture; see `texture_colour`.
+
+    Materials have dozens of textures, so that this is code which a GPU should have but once.
+    """
+    called_not_inlined()
+    row = texture * TEXTURE_SIZE
+    head = load4(images.textures, row)
+    factor = load4(images.textures, row + 4)
+    along = load4(images.textures, row + 8)
+    up = load4(images.textures, row + 12)
+    flags = as_int(head[3])
+    x = along[0] * u + along[1] * v + along[2]
+    y = up[0] * u + up[1] * v + up[2]
+    texels = footprint * along[3]
+    if (flags & CHEQUERED) != 0:
+        # Of an image of 2 x 2 texels.
+        found = chequered(images, head, x, y, texels * 0.5)
+    else:
+        step = step_of(texels, head, as_int(up[3]))
+        x = folded(x, (flags & REPEATED_U) != 0, (flags & MIRRORED_U) != 0)
+        y = folded(y, (flags & REPEATED_V) != 0, (flags & MIRRORED_V) != 0)
+        found = interpolated(images, flags, step, x, 1.0 - y)
+    colour = found.colour * xyz(factor)
+    channel = (flags >> CHANNEL_SHIFT) & 7
+    if channel == 0:
+        return colour
+    alpha = found.alpha * factor[3]
+    value = colour.x if channel == 1 else (colour.y if channel == 2 else (colour.z if channel == 3 else alpha))
+    return Vec3(value, value, value)
 
 
 @kernel
@@ -146,30 +192,8 @@ def texture_colour(scene, texture, u, v, footprint):
         v: of the surface.
         footprint: how much of uv a ray covers there, along one axis; 0: a point.
     """
-    row = texture * TEXTURE_SIZE
-    head = load4(scene.textures, row)
-    factor = load4(scene.textures, row + 4)
-    along = load4(scene.textures, row + 8)
-    up = load4(scene.textures, row + 12)
-    flags = as_int(head[3])
-    x = along[0] * u + along[1] * v + along[2]
-    y = up[0] * u + up[1] * v + up[2]
-    texels = footprint * along[3]
-    if (flags & CHEQUERED) != 0:
-        # Of an image of 2 x 2 texels.
-        found = chequered(scene, head, x, y, texels * 0.5)
-    else:
-        step = step_of(texels, head, as_int(up[3]))
-        x = folded(x, (flags & REPEATED_U) != 0, (flags & MIRRORED_U) != 0)
-        y = folded(y, (flags & REPEATED_V) != 0, (flags & MIRRORED_V) != 0)
-        found = interpolated(scene, flags, step, x, 1.0 - y)
-    colour = found.colour * xyz(factor)
-    channel = (flags >> CHANNEL_SHIFT) & 7
-    if channel == 0:
-        return colour
-    alpha = found.alpha * factor[3]
-    value = colour.x if channel == 1 else (colour.y if channel == 2 else (colour.z if channel == 3 else alpha))
-    return Vec3(value, value, value)
+    images = Images(start_of(scene.textures), start_of(scene.texels), start_of(scene.texel_words))
+    return looked_up(images, texture, u, v, footprint)
 
 
 @kernel
@@ -183,6 +207,18 @@ def colour_at(scene, row, u, v, footprint):
     """A material's colour: four floats, the last the number of a texture as bits, -1 for none."""
     texture = as_int(row[3])
     return texture_colour(scene, texture, u, v, footprint) if texture >= 0 else xyz(row)
+
+
+@kernel(needs=TEXTURED_LOBES | LOOKS, otherwise=plain_colour)
+def lobe_colour(scene, row, u, v, footprint):
+    """Weight of a lobe; see `colour_at`."""
+    return colour_at(scene, row, u, v, footprint)
+
+
+@kernel(needs=TEXTURED_EMISSION, otherwise=plain_colour)
+def emitted_colour(scene, row, u, v, footprint):
+    """Emission; see `colour_at`."""
+    return colour_at(scene, row, u, v, footprint)
 
 
 @kernel

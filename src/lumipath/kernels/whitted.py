@@ -34,7 +34,7 @@ from .punctual import light_row, sample_directional_light, sample_point_light, s
 from .rays import SHADOW_END, Ray, endless_ray, offset_point
 from .sampler import camera_numbers
 from .surface import surface_at
-from .textures import colour_at
+from .textures import lobe_colour
 from .vectors import black, dot, frame_around, max_component, to_local, to_world, white
 
 MAX_LEVELS = i32(32)
@@ -87,9 +87,9 @@ class Split:
 def material_phong(scene, material, lobes, u, v):
     """Phong's parameters of one material."""
     row = material * PHONG_SIZE
-    ambient = colour_at(scene, load4(scene.phong, row + PHONG_AMBIENT), u, v, 0.0)
-    highlight = colour_at(scene, load4(scene.phong, row + PHONG_HIGHLIGHT), u, v, 0.0)
-    mirror = colour_at(scene, load4(scene.phong, row + PHONG_MIRROR), u, v, 0.0)
+    ambient = lobe_colour(scene, load4(scene.phong, row + PHONG_AMBIENT), u, v, 0.0)
+    highlight = lobe_colour(scene, load4(scene.phong, row + PHONG_HIGHLIGHT), u, v, 0.0)
+    mirror = lobe_colour(scene, load4(scene.phong, row + PHONG_MIRROR), u, v, 0.0)
     exponent = load4(scene.phong, row + PHONG_EXPONENT)[0]
     return Phong(ambient, lobes.diffuse, highlight, exponent, mirror, lobes.index, lobes.internal_tint)
 

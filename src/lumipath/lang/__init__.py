@@ -13,6 +13,7 @@ debugger.
 
 from .bits import as_float, as_int, as_uint, count_bits, lowest_bit, reverse_bits
 from .cache import cache_folder, when_compiling
+from .calls import called_not_inlined
 from .features import Features, features_of
 from .kernel import KernelError, compiled, entry, kernel
 from .maths import approximate_reciprocal, inverse, sqrt
@@ -30,6 +31,7 @@ from .memory import (
     read_clock,
     stack_floats,
     stack_ints,
+    start_of,
     store,
     store_result,
     write4,
@@ -54,6 +56,7 @@ __all__ = [
     "as_int",
     "as_uint",
     "cache_folder",
+    "called_not_inlined",
     "compiled",
     "count_bits",
     "entry",
@@ -76,6 +79,7 @@ __all__ = [
     "sqrt",
     "stack_floats",
     "stack_ints",
+    "start_of",
     "store",
     "store_result",
     "struct",

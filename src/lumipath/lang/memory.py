@@ -43,6 +43,18 @@ def element_pointer(
     return builder.gep(data, [context.cast(builder, index, index_type, types.intp)])
 
 
+@intrinsic(lambda array: _flat(array))
+def start_of(array: types.Type) -> Any:
+    """Where an array begins: all that `load` and `load4` need of it, for kernels that are called and not inlined."""
+    if not isinstance(array, types.Array):
+        return None
+
+    def emit(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Any) -> ir.Value:
+        return context.make_array(array)(context, builder, arguments[0]).data
+
+    return types.CPointer(array.dtype), emit
+
+
 def _is_memory(kind: types.Type) -> bool:
     return isinstance(kind, (types.Array, types.CPointer))
 

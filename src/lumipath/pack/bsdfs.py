@@ -45,17 +45,17 @@ class BsdfRow:
     def colour(self, at: Any, value: Any) -> None:
         """A colour slot: a constant, or a texture."""
         self._row[at : at + 3] = 1.0 if isinstance(value, Texture) else value
-        self._texture(at, value)
+        self._texture(at, value, layout.TEXTURES if at == layout.BSDF_COLOUR else layout.TEXTURED_TINTS)
 
     def number(self, at: Any, value: Any) -> None:
         """A number slot: a constant, or the first channel of a texture."""
         self._row[at] = 1.0 if isinstance(value, Texture) else value
-        self._texture(at, value)
+        self._texture(at, value, layout.TEXTURED_NUMBERS)
 
-    def _texture(self, at: Any, value: Any) -> None:
+    def _texture(self, at: Any, value: Any, feature: int) -> None:
         if isinstance(value, Texture):
             self._bits[at + 3] = self._texture_number(value)
-            self.features |= layout.TEXTURES
+            self.features |= layout.TEXTURES | feature
         else:
             self._bits[at + 3] = -1
 
@@ -98,7 +98,9 @@ def _write_diffuse(row: BsdfRow, material: Diffuse) -> int:
 
 def _write_conductor(row: BsdfRow, material: Conductor) -> int:
     index = material.index
+    features = layout.CONDUCTORS
     if index is not None:
+        features |= layout.MEASURED_METALS
         row.kind(layout.MEASURED_METAL_KIND)
         row.colour(layout.BSDF_COLOUR, index[0])
         row.colour(layout.BSDF_EDGE, index[1])
@@ -107,7 +109,7 @@ def _write_conductor(row: BsdfRow, material: Conductor) -> int:
         row.colour(layout.BSDF_COLOUR, material.reflectance)
         row.colour(layout.BSDF_EDGE, material.edge_tint)
     row.number(layout.BSDF_ROUGHNESS, material.roughness)
-    return layout.CONDUCTORS | row.anisotropy(material.anisotropy, material.rotation)
+    return features | row.anisotropy(material.anisotropy, material.rotation)
 
 
 def _write_mix(row: BsdfRow, material: Mix) -> int:

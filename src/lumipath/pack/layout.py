@@ -88,6 +88,20 @@ SPECULAR = 1 << 65  # dielectrics reflect otherwise than their index says
 FILTER = 1 << 45
 SIGNED_FILTER = 1 << 46
 
+# What textures give, beside `TEXTURES` for anything: emission, lobes, numbers and tints of BSDFs. Base colours of BSDFs
+# need no bit, since most textures are theirs.
+TEXTURED_EMISSION = 1 << 66
+TEXTURED_LOBES = 1 << 67
+TEXTURED_NUMBERS = 1 << 68
+TEXTURED_TINTS = 1 << 69
+MEASURED_METALS = 1 << 70
+# Lobes that paths scatter at; `MIRRORS` and `DIELECTRICS` are also those that stand for BSDFs, and insides.
+LOBE_MIRRORS = 1 << 71
+LOBE_GLASS = 1 << 72
+
+SCATTERING_DETAILS = MEASURED_METALS | TEXTURED_LOBES | TEXTURED_TINTS | LOBE_MIRRORS | LOBE_GLASS
+LOOKS = WHITTED | ALBEDO | NORMAL | DEPTH | OCCLUSION | LAYERS
+"""What sees the lobes that stand for a BSDF."""
 MICROFACETS = CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED
 """Kinds that make up for light lost between microfacets, and so need the tables of `PackedScene.energy`."""
 BSDFS = ROUGH_DIFFUSE | CONDUCTORS | ROUGH_DIELECTRICS | THIN_DIELECTRICS | PRINCIPLED

@@ -32,6 +32,7 @@ class MaterialTable:
         self.textures = TextureTable()
         self.energy = EnergyTables()
         self._numbers: dict[int, int] = {}
+        self._scatters_at_lobes: list[bool] = []
 
     def number(self, material: Material | Appearance) -> int:
         """Number of a material in the table."""
@@ -115,6 +116,7 @@ class MaterialTable:
         for row, material in zip(table, self.materials):
             if isinstance(material, Appearance):
                 features |= write_bsdf(BsdfRow(row, self.textures.number, self.energy, self._regularize), material)
+        self._scatters_at_lobes = (table[:, 0].view(np.int32) == layout.LOBES_KIND).tolist()
         return (table if features & layout.BSDFS else table[:0]), features
 
     def map_rows(self) -> tuple[NDArray[np.float32], int]:
@@ -163,15 +165,20 @@ class MaterialTable:
         mask = layout.TEXTURES if len(self.textures) else 0
         if any(isinstance(material, Appearance) and material.inside for material in self.materials):
             mask |= layout.DIELECTRICS
-        for material in self.lobes():
+        for material, is_scattering in zip(self.lobes(), self._scatters_at_lobes):
             if material.is_dielectric:
-                mask |= layout.DIELECTRICS
-            elif is_positive(material.reflective) and material.specular is None:
-                mask |= layout.MIRRORS
-            if is_positive(material.specular):
-                mask |= layout.MIRRORS
-            if any(isinstance(getattr(material, lobe), Texture) for lobe in _RENDERED_LOBES):
-                mask |= layout.TEXTURES
+                mask |= layout.DIELECTRICS | (layout.LOBE_GLASS if is_scattering else 0)
+            if is_positive(material.specular) or (
+                is_positive(material.reflective) and material.specular is None and not material.is_dielectric
+            ):
+                mask |= layout.MIRRORS | (layout.LOBE_MIRRORS if is_scattering else 0)
+            for lobe in _RENDERED_LOBES:
+                if isinstance(getattr(material, lobe), Texture):
+                    mask |= layout.TEXTURES
+                    if lobe == "emission":
+                        mask |= layout.TEXTURED_EMISSION
+                    elif is_scattering:
+                        mask |= layout.TEXTURED_LOBES
         return mask
 
 

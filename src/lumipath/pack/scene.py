@@ -231,7 +231,7 @@ _INTEGRATORS = {
 # What chooses a light and a point on it.
 _ONLY_FOR_LIGHT = layout.ANY_LIGHT | layout.MANY_LIGHTS | layout.LIGHT_TREE | layout.ROUND_LIGHTS
 # Only paths carry several media and ask BSDFs; all else sees sums of lobes.
-_OF_PATHS = layout.NESTED | layout.BSDFS | layout.PRINCIPLED_PARTS
+_OF_PATHS = layout.NESTED | layout.BSDFS | layout.PRINCIPLED_PARTS | layout.SCATTERING_DETAILS
 
 
 def layer_features(scene: int, settings: RenderSettings, camera: Camera) -> int:

@@ -31,7 +31,7 @@ from ..functions import unit_power
 from ..microfacet import regularized, visible_weight
 from ..vectors import black, dot, max_component
 from .conductor import reflection_density
-from .values import BsdfValue, colour_slot, number_slot
+from .values import BsdfValue, number_slot, tint_slot
 
 # Face to face, of a lacquer with the index 1.5.
 _COAT_F0 = f32(0.04)
@@ -157,7 +157,7 @@ def no_sheen(scene, s, wo):
 @kernel(needs=SHEEN, otherwise=no_sheen)
 def sheen_at(scene, s, wo):
     """The sheen at a point of a surface."""
-    colour = colour_slot(scene, s, BSDF_SHEEN)
+    colour = tint_slot(scene, s, BSDF_SHEEN)
     roughness = number_slot(scene, s, BSDF_SHEEN_ROUGHNESS)
     alpha = max(roughness * roughness, LEAST_SHEEN_ALPHA)
     facing = directional_albedo(scene, ENERGY_SHEEN, fibre_place(wo.z, alpha))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...lang import Vec3, f32, kernel, struct
-from ...pack.layout import BSDF_ANISOTROPY, BSDF_COLOUR, BSDF_EDGE, BSDF_ROUGHNESS, MEASURED_METAL_KIND
+from ...pack.layout import BSDF_ANISOTROPY, BSDF_COLOUR, BSDF_EDGE, BSDF_ROUGHNESS, MEASURED_METAL_KIND, MEASURED_METALS
 from ..energy import energy_compensation
 from ..fresnel import conductor_reflectance, tinted_reflectance
 from ..microfacet import (
@@ -18,7 +18,17 @@ from ..microfacet import (
 )
 from ..vectors import dot, normalize, white
 from .mirror import mirror_direction
-from .values import BsdfSample, BsdfValue, base_colour_slot, colour_slot, no_sample, no_value, number_slot, slot
+from .values import (
+    BsdfSample,
+    BsdfValue,
+    base_colour_slot,
+    colour_slot,
+    no_sample,
+    no_value,
+    number_slot,
+    slot,
+    tint_slot,
+)
 
 
 @struct
@@ -46,18 +56,27 @@ def metal_at(scene, s, kind, q):
     # An index of refraction is no colour.
     measured = kind == MEASURED_METAL_KIND
     first = colour_slot(scene, s, BSDF_COLOUR) if measured else base_colour_slot(scene, s)
-    second = colour_slot(scene, s, BSDF_EDGE)
+    second = tint_slot(scene, s, BSDF_EDGE)
     m = Metal(measured, first, second, alpha_x, alpha_y, white())
     if is_smooth(m):
         return m
     # The average over the hemisphere by two points, exact for cubics (Gauss's quadrature with the weight 2 cos).
-    average = metal_reflectance(m, f32(0.35505103)) * 0.36391723 + metal_reflectance(m, f32(0.84494897)) * 0.63608277
+    average = (
+        metal_reflectance(scene, m, f32(0.35505103)) * 0.36391723
+        + metal_reflectance(scene, m, f32(0.84494897)) * 0.63608277
+    )
     boost = energy_compensation(scene, q.wo.z, alpha_x, alpha_y, average)
     return Metal(measured, first, second, alpha_x, alpha_y, boost)
 
 
 @kernel
-def metal_reflectance(m, cosine):
+def tinted_metal_reflectance(scene, m, cosine):
+    """A scene of metals that are given by a colour."""
+    return tinted_reflectance(cosine, m.first, m.second)
+
+
+@kernel(needs=MEASURED_METALS, otherwise=tinted_metal_reflectance)
+def metal_reflectance(scene, m, cosine):
     """Fraction of light that a facet reflects."""
     if m.measured:
         return Vec3(
@@ -81,24 +100,24 @@ def reflection_density(m, wo, h):
 
 
 @kernel
-def eval_metal(m, wo, wi):
+def eval_metal(scene, m, wo, wi):
     """F times cosine, and density; wo.z > 0."""
     if (wi.z <= 0.0) | is_smooth(m):
         return no_value()
     h = normalize(wo + wi)
     pdf = reflection_density(m, wo, h)
     weight = visible_weight(wo, wi, m.alpha_x, m.alpha_y)
-    return BsdfValue(m.boost * metal_reflectance(m, dot(wo, h)) * (weight * pdf), pdf)
+    return BsdfValue(m.boost * metal_reflectance(scene, m, dot(wo, h)) * (weight * pdf), pdf)
 
 
 @kernel
-def sample_metal(m, wo, u, v):
+def sample_metal(scene, m, wo, u, v):
     """Reflect at a facet that wo sees."""
     if is_smooth(m):
-        return BsdfSample(mirror_direction(wo), metal_reflectance(m, wo.z), 0.0)
+        return BsdfSample(mirror_direction(wo), metal_reflectance(scene, m, wo.z), 0.0)
     h = ggx_visible_normal(wo, m.alpha_x, m.alpha_y, u, v)
     wi = reflected(wo, h)
     if wi.z <= 0.0:
         return no_sample()
-    weight = m.boost * metal_reflectance(m, dot(wo, h)) * visible_weight(wo, wi, m.alpha_x, m.alpha_y)
+    weight = m.boost * metal_reflectance(scene, m, dot(wo, h)) * visible_weight(wo, wi, m.alpha_x, m.alpha_y)
     return BsdfSample(wi, weight, reflection_density(m, wo, h))

@@ -40,7 +40,7 @@ from .interface import (
     sent_through,
 )
 from .thin_film import film_reflectance, without_schlick
-from .values import BsdfSample, BsdfValue, base_colour_slot, colour_slot, no_value, number_slot, slot
+from .values import BsdfSample, BsdfValue, base_colour_slot, no_value, number_slot, slot, tint_slot
 
 
 @struct
@@ -96,7 +96,7 @@ def usual_ends(scene, s, f0):
 def dielectric_ends(scene, s, f0):
     """KHR_materials_specular."""
     strength = number_slot(scene, s, BSDF_SPECULAR)
-    tinted = colour_slot(scene, s, BSDF_SPECULAR_COLOUR) * f0
+    tinted = tint_slot(scene, s, BSDF_SPECULAR_COLOUR) * f0
     capped = Vec3(min(tinted.x, 1.0), min(tinted.y, 1.0), min(tinted.z, 1.0))
     return Ends(capped * strength, white() * strength)
 

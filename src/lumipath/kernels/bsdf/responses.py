@@ -102,5 +102,5 @@ def response(scene, s, kind, q):
     """A metal, or else."""
     if (kind == MEASURED_METAL_KIND) | (kind == TINTED_METAL_KIND):
         m = metal_at(scene, s, kind, q)
-        return Response(eval_metal(m, q.wo, q.wi), sample_metal(m, q.wo, q.u, q.v))
+        return Response(eval_metal(scene, m, q.wo, q.wi), sample_metal(scene, m, q.wo, q.u, q.v))
     return from_principled(scene, s, kind, q)

@@ -22,7 +22,7 @@ from ..microfacet import (
 from ..vectors import dot, normalize
 from .dielectric import refracted_direction
 from .mirror import mirror_direction
-from .values import BsdfSample, BsdfValue, colour_slot, no_sample, no_value, number_slot, slot
+from .values import BsdfSample, BsdfValue, colour_slot, no_sample, no_value, number_slot, slot, tint_slot
 
 # With indices nearer to each other nothing is bent that could be told, and half vectors have no digits.
 _SAME_INDEX = f32(1e-3)
@@ -50,7 +50,7 @@ def rough_dielectric_at(scene, s, q):
         number_slot(scene, s, BSDF_ROUGHNESS), slot(scene, s.material, BSDF_ANISOTROPY)[0]
     )
     alpha_x, alpha_y = regularized(scene, alpha_x, alpha_y, q.blurred)
-    reflection = colour_slot(scene, s, BSDF_EDGE)
+    reflection = tint_slot(scene, s, BSDF_EDGE)
     transmission = colour_slot(scene, s, BSDF_COLOUR)
     m = RoughDielectric(q.eta, alpha_x, alpha_y, reflection, transmission, 1.0)
     row = slot(scene, s.material, BSDF_REFRACTION)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...lang import Vec3, as_int, f32, kernel, load4, struct
-from ...pack.layout import BSDF_COLOUR, BSDF_SIZE, TEXTURES
+from ...pack.layout import BSDF_COLOUR, BSDF_SIZE, TEXTURED_NUMBERS, TEXTURED_TINTS, TEXTURES
 from ..textures import texture_colour
 from ..vectors import black, xyz
 from ..vertex_colours import vertex_colour
@@ -58,6 +58,12 @@ def colour_slot(scene, s, at):
     return xyz(row) * texture_colour(scene, texture, s.u, s.v, s.footprint) if texture >= 0 else xyz(row)
 
 
+@kernel(needs=TEXTURED_TINTS, otherwise=plain_colour_slot)
+def tint_slot(scene, s, at):
+    """A colour that is not the base colour; see `colour_slot`."""
+    return colour_slot(scene, s, at)
+
+
 @kernel
 def base_colour_slot(scene, s):
     """The colour of a surface at a point: that of its material times that of the vertices around."""
@@ -70,7 +76,7 @@ def plain_number_slot(scene, s, at):
     return slot(scene, s.material, at)[0]
 
 
-@kernel(needs=TEXTURES, otherwise=plain_number_slot)
+@kernel(needs=TEXTURED_NUMBERS, otherwise=plain_number_slot)
 def number_slot(scene, s, at):
     """A number at a point of a surface: a factor times a channel of what a texture shows there."""
     row = slot(scene, s.material, at)
