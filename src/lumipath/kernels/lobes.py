@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..lang import INV_PI, Vec3, f32, i32, kernel, struct
-from ..pack.layout import ANY_LIGHT, LOBE_GLASS, LOBE_MIRRORS
+from ..pack.layout import ANY_LIGHT, LOBE_GLASS, LOBE_MIRRORS, LOOKS
 from .bsdf.dielectric import sample_dielectric
 from .bsdf.lambert import lambert_direction, lambert_pdf, lambert_weight
 from .bsdf.mirror import mirror_direction
@@ -40,7 +40,7 @@ def only_diffuse(scene, lobes):
     return LobeChoice(1.0, 0.0, 0.0)
 
 
-@kernel(needs=LOBE_MIRRORS | LOBE_GLASS, otherwise=only_diffuse)
+@kernel(needs=LOBE_MIRRORS | LOBE_GLASS | LOOKS, otherwise=only_diffuse)
 def lobe_probabilities(scene, lobes):
     """Each lobe's share of the mean weights."""
     diffuse = mean_component(lobes.diffuse)
