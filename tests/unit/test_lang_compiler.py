@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -12,6 +13,7 @@ from numba.core.compiler import CompilerBase
 
 from lumipath.lang import DEBUG_PYTHON, called_not_inlined, compiled, entry, f32, i32, kernel, load, start_of, store
 from lumipath.lang.compiler import EntryCompiler, EntryLibrary, KernelLibrary
+from lumipath.lang.whole import WholeTuple, whole_type
 
 pytestmark = pytest.mark.skipif(DEBUG_PYTHON, reason="nothing is compiled")
 
@@ -72,6 +74,69 @@ def test_a_kernel_that_is_called_has_one_copy_of_its_code():
     assert result_of(both) == 201
     (made,) = both.overloads.values()
     assert sum("last_of" in function.name for function in made.library.get_defined_functions()) == 1
+
+
+class Scales(NamedTuple):
+    factors: np.ndarray
+    offset: np.float32
+
+
+class Numbers(NamedTuple):
+    values: np.ndarray
+    scales: Scales
+    count: np.int32
+
+
+@kernel
+def scaled(scales, x):
+    return x * load(scales.factors, 0) + scales.offset
+
+
+@kernel
+def scaled_sum(numbers):
+    total = f32(0.0)
+    for i in range(numbers.count):
+        total += scaled(numbers.scales, load(numbers.values, i))
+    return total
+
+
+def summing(numbers, out):
+    """Write the sum."""
+    store(out, 0, scaled_sum(numbers))
+
+
+def numbers_of(kind):
+    return Numbers(np.array([1, 2, 4], kind), Scales(np.array([10], np.float32), f32(0.5)), i32(3))
+
+
+def test_tuples_of_arrays_are_passed_whole():
+    function = entry(summing)
+    function._cache = NullCache()
+    out = np.zeros(1, np.float32)
+    for kind in (np.float32, np.int32):
+        function(numbers_of(kind), out)
+        assert out[0] == 71.5
+    assert (function.__name__, function.__doc__) == ("summing", "Write the sum.")
+    wholes = set()
+    for inner in (scaled_sum, scaled):
+        for (first, *_), made in inner.overloads.items():
+            assert type(first) is WholeTuple
+            wholes.add(first)
+            defined = made.library.generated().get_function(made.fndesc.llvm_func_name)
+            # Where the result goes, where an exception would go, and one value for each argument.
+            assert len(list(defined.arguments)) == 2 + len(made.signature.args)
+    # One for each type of values, and one of the scales, which the two share.
+    assert len(wholes) == 3
+    assert all(len(kind.name) < 40 for kind in wholes)
+
+
+def test_tuples_of_other_fields_are_other_types():
+    floats, integers = (numba.typeof(numbers_of(kind)) for kind in (np.float32, np.int32))
+    assert whole_type(floats) == whole_type(numba.typeof(numbers_of(np.float32)))
+    assert hash(whole_type(floats)) == hash(whole_type(numba.typeof(numbers_of(np.float32))))
+    assert whole_type(floats) != whole_type(integers)
+    assert whole_type(floats) != floats
+    assert whole_type(numba.typeof(f32(1))) == numba.float32
 
 
 def test_a_function_of_numba_itself_may_call_kernels():

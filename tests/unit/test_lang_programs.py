@@ -21,6 +21,7 @@ from lumipath.devices import cpu_batch
 from lumipath.lang import Features, f32, features_of, kernel
 from lumipath.lang.cache import _CacheFile, source_hash
 from lumipath.lang.kernel import _FASTMATH, _KERNEL_OPTIONS, _OUTER
+from lumipath.lang.whole import whole_type
 from lumipath.pack.scene import pack_scene
 from lumipath.rendering.session import Session
 from lumipath.scene import Scene, Sphere
@@ -119,7 +120,7 @@ def renderer():
     device = session.device
     arguments = session._packed, session._view, session.film.arrays, device._batches[0], np.zeros(4, np.int64), 0
     dispatcher.compile(tuple(numba.typeof(argument) for argument in arguments))
-    return dispatcher, numba.typeof(session._packed)
+    return dispatcher, whole_type(numba.typeof(session._packed))
 
 
 @pytest.fixture(scope="module")

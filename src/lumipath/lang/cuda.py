@@ -17,8 +17,10 @@ import numba
 
 from .cache import announce_compiling, cache_folder
 from .compiler import rare_collections
-from .kernel import KernelError, explain, single_precision
+from .kernel import KernelError, explain, kernel
+from .scalars import DEBUG_PYTHON
 from .targets import enable_cuda
+from .whole import taking_whole
 
 
 class _TargetDevice:
@@ -156,4 +158,5 @@ def compile_cubin(
 
 def cuda_entry(function: FunctionType) -> FunctionType:
     """A kernel that is launched on a GPU: float32 constants, compiled by `compile_ptx`."""
-    return single_precision(function)
+    inner = kernel(function)
+    return function if DEBUG_PYTHON else taking_whole(function, inner)

@@ -18,6 +18,7 @@ from .cache import enable_cache
 from .compiler import EntryCompiler, KernelCompiler
 from .features import select_by_features
 from .scalars import DEBUG_PYTHON
+from .whole import taking_whole
 
 # No nnan and no ninf: infinite distances are in use, and NaN must fail every comparison.
 _FASTMATH = frozenset({"nsz", "arcp", "contract", "afn", "reassoc"})
@@ -87,10 +88,10 @@ def _overload_options(precise: bool) -> dict[str, Any]:
 
 def entry(function: Any) -> Callable[..., Any]:
     """A function that worker threads call without holding Python's lock: kept on disk once compiled."""
-    single_precision(function)
+    inner = kernel(function)
     if DEBUG_PYTHON:
         return function
-    dispatcher = numba.njit(**_KERNEL_OPTIONS, **_OUTER, fastmath=set(_FASTMATH))(function)
+    dispatcher = numba.njit(**_KERNEL_OPTIONS, **_OUTER, fastmath=set(_FASTMATH))(taking_whole(function, inner))
     enable_cache(dispatcher)
     return dispatcher
 
