@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from parts import floor, moved, scaled, sphere_mesh
 
-from lumipath.devices import cpu
 from lumipath.errors import CheckpointError, LumipathError, SceneError, UsageError
 from lumipath.rendering import session as session_module
 from lumipath.rendering.session import Session
@@ -232,9 +231,8 @@ def test_a_session_that_writes_a_checkpoint_does_not_deform(animated, tmp_path):
     np.testing.assert_array_equal(np.asarray(session.image()), image)
 
 
-def test_deforming_in_the_middle_of_a_pass_begins_anew(animated, monkeypatch):
+def test_deforming_in_the_middle_of_a_pass_begins_anew(animated, eager):
     mesh, scene, session = animated
-    monkeypatch.setattr(cpu, "_LOOK_SECONDS", 0.0005)
     frames = 0
     for progress in session:
         if frames < 3 and progress.samples > 0:
@@ -249,11 +247,10 @@ def test_deforming_in_the_middle_of_a_pass_begins_anew(animated, monkeypatch):
 
 
 @pytest.mark.parametrize("anew", ["deform", "restart"])
-def test_beginning_anew_in_the_middle_of_a_pass_leaves_the_time_before_out(animated, monkeypatch, anew):
+def test_beginning_anew_in_the_middle_of_a_pass_leaves_the_time_before_out(animated, eager, monkeypatch, anew):
     mesh, _, session = animated
     clock = SimpleNamespace(now=0.0, perf_counter=lambda: clock.now)
     monkeypatch.setattr(session_module, "time", clock)
-    monkeypatch.setattr(cpu, "_LOOK_SECONDS", 0.0005)
     began = False
     for _ in session:
         clock.now += 1

@@ -264,8 +264,7 @@ def test_the_number_of_threads_does_not_change_a_bit(scene, straight, threads):
     assert bits(session_of(scene, device="cpu", threads=threads).film) == bits(straight.film)
 
 
-def test_a_stopped_render_goes_on_to_the_same_bits(scene, straight, tmp_path, monkeypatch):
-    monkeypatch.setattr(cpu, "_LOOK_SECONDS", 0.0005)
+def test_a_stopped_render_goes_on_to_the_same_bits(scene, straight, tmp_path, eager):
     path, stopped = tmp_path / "a.ckpt", 0
     while True:
         session = Session(scene, device="cpu", threads=2, checkpoint=path, resume=True, aov=EVERY, spp=24, **SIZE)

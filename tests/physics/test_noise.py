@@ -151,8 +151,7 @@ def test_the_number_of_threads_does_not_change_a_bit(scene, straight, threads):
 
 
 @pytest.mark.parametrize("stops", [1, 3])
-def test_a_stopped_render_goes_on_to_the_same_bits(scene, straight, tmp_path, monkeypatch, stops):
-    monkeypatch.setattr(cpu, "_LOOK_SECONDS", 0.0005)
+def test_a_stopped_render_goes_on_to_the_same_bits(scene, straight, tmp_path, eager, stops):
     path = tmp_path / "a.ckpt"
     lagging = 0
     for _ in range(300):
@@ -178,8 +177,7 @@ def test_less_noise_may_be_asked_for_later(scene, straight, tmp_path):
     np.testing.assert_array_equal(film.total[done], straight.film.total[done])
 
 
-def test_a_device_that_needs_even_counts_gets_them(scene, straight, tmp_path, monkeypatch):
-    monkeypatch.setattr(cpu, "_LOOK_SECONDS", 0.0005)
+def test_a_device_that_needs_even_counts_gets_them(scene, straight, tmp_path, eager, monkeypatch):
     path = tmp_path / "a.ckpt"
     session = Session(scene, device="cpu", noise=NOISE, **SIZE)
     for progress in session:

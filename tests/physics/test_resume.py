@@ -43,12 +43,6 @@ def straight(scene):
     return session
 
 
-@pytest.fixture
-def eager(monkeypatch):
-    """Passes that report all the time, so that a loop can be left in the middle of one."""
-    monkeypatch.setattr(cpu, "_LOOK_SECONDS", 0.0005)
-
-
 def render_in_pieces(scene, path, stops):
     """A session that leaves its loop after so many steps and is resumed until it is done.
 
@@ -68,9 +62,9 @@ def render_in_pieces(scene, path, stops):
             return session, uneven
 
 
-@pytest.mark.parametrize("stops", [1, 2, 3, 5])
+@pytest.mark.parametrize("stops", [1, 2, 3, 7])
 def test_a_stopped_render_goes_on_to_the_same_bits(scene, straight, tmp_path, eager, stops):
-    # On a busy machine all tiles may be done whenever the loop is left.
+    # Passes may report more often on a slow machine, and be left at their ends only.
     for attempt in range(30):
         session, uneven = render_in_pieces(scene, tmp_path / f"{attempt}.ckpt", stops)
         assert bits(session.film) == bits(straight.film)
@@ -227,7 +221,7 @@ def test_a_full_disk_does_not_end_the_render(scene, straight, tmp_path, monkeypa
 
 
 def test_killed_processes_lose_nothing(scene, tmp_path):
-    settings = {**SETTINGS, "width": 160, "height": 120, "spp": 96, "checkpoint_interval": 0.0}
+    settings = {**SETTINGS, "width": 160, "height": 120, "spp": 480, "checkpoint_interval": 0.0}
     path, counts = tmp_path / "a.ckpt", []
     code = (
         "import sys, lumipath\n"

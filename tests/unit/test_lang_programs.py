@@ -188,26 +188,41 @@ def test_shading_is_compiled_for_many_paths_at_once(renderer):
 # ---- the disk cache -------------------------------------------------------------------------------------------------
 
 SMALL = """
+import json
+from typing import NamedTuple
 import numpy as np
-from lumipath.pack.alias import alias_table, _fill
+from lumipath.lang import entry, load, store
 from lumipath.lang.cache import cache_folder, when_compiling
-told = []
+from lumipath.pack.alias import alias_table, _fill
+
+class Numbers(NamedTuple):
+    values: np.ndarray
+    factor: np.float32
+
+@entry
+def scale(numbers, out):
+    store(out, 0, load(numbers.values, 0) * numbers.factor)
+
+told, out = [], np.zeros(1, np.float32)
 with when_compiling(lambda: told.append("compiling")):
     alias_table(np.ones(4))
-import json
-print(json.dumps({"folder": str(cache_folder()), "told": told, "hits": sum(_fill.dispatcher.stats.cache_hits.values()),
-                  "misses": sum(_fill.dispatcher.stats.cache_misses.values())}))
+    scale(Numbers(np.full(1, 3, np.int32), np.float32(1.5)), out)
+stats = _fill.dispatcher.stats, scale.stats
+print(json.dumps({"folder": str(cache_folder()), "told": told, "scaled": float(out[0]),
+                  "hits": [sum(one.cache_hits.values()) for one in stats],
+                  "misses": [sum(one.cache_misses.values()) for one in stats]}))
 """
 
 
 def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     first = json.loads(python(SMALL, tmp_path))
     files = {path: path.stat().st_mtime_ns for path in Path(first["folder"]).iterdir()}
-    assert first["misses"] == 1
+    assert first["scaled"] == 4.5
+    assert first["misses"] == [1, 1]
     assert first["told"] == ["compiling"]
     assert any(path.suffix == ".nbc" for path in files)
     again = json.loads(python(SMALL, tmp_path))
-    assert again == first | {"hits": 1, "misses": 0, "told": []}
+    assert again == first | {"hits": [1, 1], "misses": [0, 0], "told": []}
     assert {path: path.stat().st_mtime_ns for path in Path(first["folder"]).iterdir()} == files
 
 

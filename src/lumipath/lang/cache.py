@@ -158,6 +158,6 @@ class KernelCache(caching.FunctionCache):
         return found
 
 
-def enable_cache(dispatcher: Dispatcher) -> None:
-    """Keep what `dispatcher` compiles on disk."""
-    dispatcher._cache = KernelCache(dispatcher.py_func)
+def enable_cache(dispatcher: Dispatcher, function: Callable[..., Any]) -> None:
+    """Keep what `dispatcher` compiles on disk, under the name of `function`."""
+    dispatcher._cache = KernelCache(function)

@@ -92,7 +92,7 @@ def entry(function: Any) -> Callable[..., Any]:
     if DEBUG_PYTHON:
         return function
     dispatcher = numba.njit(**_KERNEL_OPTIONS, **_OUTER, fastmath=set(_FASTMATH))(taking_whole(function, inner))
-    enable_cache(dispatcher)
+    enable_cache(dispatcher, function)
     return dispatcher
 
 
@@ -104,7 +104,7 @@ def compiled(function: Any) -> Callable[..., Any]:
     if DEBUG_PYTHON:
         return function
     dispatcher = numba.njit(**_OPTIONS, **_OUTER)(function)
-    enable_cache(dispatcher)
+    enable_cache(dispatcher, function)
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:

@@ -93,6 +93,4 @@ def taking_whole(function: FunctionType, inner: Callable[..., Any]) -> FunctionT
     outer = namespace["make"](inner, whole)
     for name in ("__name__", "__qualname__", "__doc__"):
         setattr(outer, name, getattr(function, name))
-    code = function.__code__
-    outer.__code__ = outer.__code__.replace(co_filename=code.co_filename, co_firstlineno=code.co_firstlineno)
     return outer
