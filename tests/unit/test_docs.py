@@ -138,6 +138,11 @@ def test_every_page_is_linked_from_another():
     assert lonely == []
 
 
+def test_every_decision_is_in_their_list_once():
+    pages = sorted(page.name for page in ROOT.glob("docs/decisions/[0-9]*.md"))
+    assert LINK.findall(read("docs/decisions/README.md")) == pages
+
+
 @pytest.mark.parametrize("name", PAGE_NAMES)
 def test_source_files_that_pages_name_are_there(name):
     text = FENCE.sub("", read(name))
