@@ -12,6 +12,7 @@ from lumipath.lang import cuda
 from lumipath.lang.cache import KernelCache
 
 compile_here, ptx_here = Dispatcher.compile, cuda.compile_ptx
+_compiled_here: set[str] = set()
 
 
 def in_child(work: Any) -> Any:
@@ -32,16 +33,26 @@ def in_child(work: Any) -> Any:
     return pickle.loads(answer) if answer else None
 
 
+def is_first(function: Any) -> bool:
+    """Whether this process has compiled no such function yet: later children find what they have in common with it."""
+    if function.__qualname__ in _compiled_here:
+        return False
+    _compiled_here.add(function.__qualname__)
+    return True
+
+
 def compile_in_child(dispatcher: Dispatcher, signature: Any) -> Any:
     """A child compiles what is kept on disk, and this process loads it from there; or does it itself, and fails."""
     if isinstance(dispatcher._cache, KernelCache) and not dispatcher.overloads.get(tuple(signature)):
-        in_child(lambda: compile_here(dispatcher, signature) and None)
+        if not is_first(dispatcher.py_func):
+            in_child(lambda: compile_here(dispatcher, signature) and None)
     return compile_here(dispatcher, signature)
 
 
-def ptx_in_child(*arguments: Any) -> str:
+def ptx_in_child(function: Any, *arguments: Any) -> str:
     """As `compile_ptx`."""
-    return in_child(lambda: ptx_here(*arguments)) or ptx_here(*arguments)
+    made = None if is_first(function) else in_child(lambda: ptx_here(function, *arguments))
+    return made or ptx_here(function, *arguments)
 
 
 def install() -> None:
