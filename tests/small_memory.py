@@ -43,9 +43,9 @@ def is_first(function: Any) -> bool:
 
 def compile_in_child(dispatcher: Dispatcher, signature: Any) -> Any:
     """A child compiles what is kept on disk, and this process loads it from there; or does it itself, and fails."""
-    if isinstance(dispatcher._cache, KernelCache) and not dispatcher.overloads.get(tuple(signature)):
-        if not is_first(dispatcher.py_func):
-            in_child(lambda: compile_here(dispatcher, signature) and None)
+    missing = isinstance(dispatcher._cache, KernelCache) and not dispatcher.overloads.get(tuple(signature))
+    if missing and not is_first(dispatcher.py_func):
+        in_child(lambda: compile_here(dispatcher, signature) and None)
     return compile_here(dispatcher, signature)
 
 
