@@ -30,7 +30,9 @@ class WholeTuple(types.NamedTuple):
 
     def __init__(self, kind: types.NamedTuple) -> None:
         super().__init__([whole_type(field) for field in kind.types], kind.instance_class)
-        self.name = f"{kind.instance_class.__name__}_{hashlib.sha256(kind.name.encode()).hexdigest()[:16]}"
+        python_class = kind.instance_class
+        all_of_it = f"{python_class.__module__}.{python_class.__qualname__}: {kind.name}"
+        self.name = f"{python_class.__name__}_{hashlib.sha256(all_of_it.encode()).hexdigest()[:16]}"
 
     @property
     def key(self) -> str:
