@@ -6,6 +6,7 @@ import os
 import pickle
 from typing import Any
 
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 
 from lumipath.lang import cuda
@@ -18,7 +19,9 @@ _compiled_here: set[str] = set()
 def in_child(work: Any) -> Any:
     """What `work()` returns in a copy of this process, whose memory goes when it ends; None where it fails there."""
     reader, writer = os.pipe()
-    child = os.fork()
+    # A copy of the lock that another thread holds would never be released.
+    with global_compiler_lock:
+        child = os.fork()
     if child == 0:
         try:
             answer = pickle.dumps(work())
