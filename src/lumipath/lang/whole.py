@@ -1,7 +1,7 @@
 """NamedTuples of arrays that kernels hand on as one value.
 
 Numba takes a NamedTuple apart wherever a function is called with it, and puts it together again inside. A packed scene
-is 266 values, and each of the hundred functions that see it has the names of their types, 800 letters, in its own name.
+is 266 values, and each of the 120 to 190 functions that see it has their types in its name, which are 800 letters.
 All of it goes when the functions are inlined, but it was a third of the time that a renderer took to compile. So the
 functions that Python calls make their arguments whole first, and all others pass them on as they are.
 """
