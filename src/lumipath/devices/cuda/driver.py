@@ -175,7 +175,7 @@ class Stream:
         self.handle = check(self._driver.cuStreamCreate(flags), "opening a stream")
 
     def __del__(self) -> None:
-        if hasattr(self, "handle"):
+        if hasattr(self, "handle") and not sys.is_finalizing():
             self._driver.cuStreamDestroy(self.handle)
 
     def clear(self, target: DeviceArray) -> None:
@@ -232,7 +232,8 @@ class DeviceArray:
 
     def __del__(self) -> None:
         pointer, self.pointer = getattr(self, "pointer", 0), 0
-        if pointer:
+        # A process that ends gives everything back, and can import the driver no more.
+        if pointer and not sys.is_finalizing():
             with current(self._context):
                 self._driver.cuMemFree(pointer)
 
@@ -247,7 +248,7 @@ class Kernel:
         self._function = check(self._driver.cuModuleGetFunction(self._module, name.encode()), "loading a kernel")
 
     def __del__(self) -> None:
-        if hasattr(self, "_module"):
+        if hasattr(self, "_module") and not sys.is_finalizing():
             with current(self._context):
                 self._driver.cuModuleUnload(self._module)
 
