@@ -31,6 +31,8 @@ def renders(
     session = Session(scene, **settings)
     if change:
         session._packed = change(session._packed)
+        # The features may be others: a GPU has one kernel for all calls until it is told.
+        session.device.compile(session._packed, session._view, session.film.arrays)
     images = []
     for seed in range(first_seed, first_seed + seeds):
         session.restart(seed)
