@@ -76,6 +76,13 @@ def test_sizes_and_samples(gpu, kernel, settings):
     assert_alike(image, on_cpu("primitives", **settings), differing=0.02)
 
 
+@pytest.mark.parametrize("settings", [{"width": 61, "height": 37, "spp": 48}, {"width": 512, "spp": 8}])
+def test_materials_that_are_sorted_within_blocks(gpu, settings):
+    # The first is rendered in many planes of slots, with a last block that is not full.
+    image = render(builtin("materials"), device=gpu, kernel="wavefront", **settings)
+    assert_alike(image, on_cpu("materials", **settings), differing=0.02)
+
+
 @pytest.mark.parametrize("integrator", ["whitted", "albedo", "normal", "depth", "ao"])
 def test_integrators(gpu, integrator):
     settings = {"width": 80, "spp": 4, "integrator": integrator}

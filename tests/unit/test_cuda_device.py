@@ -45,6 +45,9 @@ SCENE = Scene(0, np.zeros(3))
 class Scheduler:
     """Counts launches; each sample adds 1 to the last plane."""
 
+    slice_seconds = 0.05
+    least_samples = 1
+
     def __init__(self, during=lambda: None):
         self.launches = []
         self.scenes = []
@@ -302,8 +305,14 @@ def test_the_first_slice_is_one_sample():
     assert slice_samples(0.0, 1000, 2) == 1
 
 
-def test_slices_take_some_50_ms():
-    assert slice_samples(1000.0, 10**6, 2) == 50
+def test_slices_hold_what_is_rendered_in_their_time():
+    assert slice_samples(50.0, 10**6, 2) == 50
+
+
+def test_slices_are_not_made_too_short_only_because_few_samples_are_left():
+    assert slice_samples(50.0, 100, 2, least=32) == 32
+    assert slice_samples(5.0, 100, 2, least=32) == 5
+    assert slice_samples(50.0, 20, 2, least=32) == 20
 
 
 @pytest.mark.parametrize("workers", [1, 2, 16])

@@ -30,7 +30,6 @@ from .schedulers import Scheduler, scheduler_for
 
 # Below this many primitives a binary tree that is walked to its end is faster than voting over a wide one (measured).
 SMALL_SCENE = 2000
-_SLICE_SECONDS = 0.05
 _WORKERS_PER_GPU = 2
 # How often progress is told.
 _TELL_SECONDS = 0.1
@@ -96,6 +95,12 @@ class Worker:
         self.rate = pixels * (last - first) / max(time.perf_counter() - start, 1e-6)
         return rejected
 
+    def slice_of(self, left: int, pixels: int, workers: int) -> int:
+        """How many of the samples that are left this one of so many workers should take on next."""
+        assert self._scheduler is not None, "compile comes first"
+        kind = self._scheduler
+        return slice_samples(self.rate / pixels * kind.slice_seconds, left, workers, kind.least_samples)
+
     @property
     def has_sums(self) -> bool:
         """Whether there is anything to add to the sums of others."""
@@ -118,7 +123,7 @@ class Worker:
 
 
 class CudaDevice:
-    """Renders on one GPU or on several of them, in slices of some 50 ms, so that it can be stopped at any time.
+    """Renders on one GPU or on several of them, in slices of 50 to 100 ms, so that it can be stopped at any time.
 
     Each GPU has two workers, so that it is full while one of them runs out of pixels. All workers take slices of the
     samples as they become free, and their sums are added up when somebody asks for them.
@@ -281,7 +286,7 @@ class CudaDevice:
         busy = {worker for worker, _ in self._running.values()}
         for worker in self._workers:
             if worker not in busy and first < last:
-                samples = slice_samples(worker.rate / pixels, last - first, len(self._workers))
+                samples = worker.slice_of(last - first, pixels, len(self._workers))
                 task = self._pool.submit(worker.run, offset + first, offset + first + samples, pixels)
                 self._running[task] = worker, samples
                 first += samples
@@ -375,17 +380,19 @@ def planes_of(array: NDArray[Any], planes: int) -> DeviceArray:
     return DeviceArray.zeros((planes * array.shape[0], *array.shape[1:]), array.dtype)
 
 
-def slice_samples(rate: float, left: int, workers: int) -> int:
+def slice_samples(wanted: float, left: int, workers: int, least: int = 1) -> int:
     """Samples per pixel of a worker's next slice.
 
     Args:
-        rate: samples per pixel and second of this worker, 0 if not known yet.
+        wanted: samples per pixel that it renders in the time that a slice should take, 0 if not known yet.
         left: samples per pixel that nobody works on yet.
         workers: how many share them.
+        least: samples below which a slice is not made shorter only because few are left.
 
     Slices become shorter towards the end, so that all workers finish at about the same time.
     """
-    return max(1, min(int(_SLICE_SECONDS * rate), -(-left // (2 * workers)), _MOST_SAMPLES))
+    share = min(max(-(-left // (2 * workers)), least), left)
+    return max(1, min(int(wanted), share, _MOST_SAMPLES))
 
 
 def joint_name(names: list[str]) -> str:

@@ -31,9 +31,8 @@ from ...lang import Vec3, i32, kernel, stack_ints, struct, u32
 from ...lang.cuda import cuda_entry
 from ...pack.layout import ADAPTIVE
 from .film import add_samples
-from .work import BLOCK, finite_or_counted, is_on_film, lanes_before, place_in_tile, tile_of
+from .work import ALL_LANES, BLOCK, finite_or_counted, is_on_film, lanes_before, place_in_tile, tile_of
 
-_ALL = 0xFFFFFFFF
 _WARP = i32(32)
 _SUMS = BLOCK * 3
 # Behind the sums of light lie those of squares, where there are any.
@@ -212,13 +211,13 @@ def make_vote(stack_size: int, shade_at: int, leaf_at: int, node_steps: int, ada
             at_node = walk.link >= 0
             at_leaf = (walk.link < 0) & (walk.link > IDLE)
             at_end = walk.link == DONE
-            nodes = cuda.popc(cuda.ballot_sync(_ALL, at_node))
-            leaves = cuda.popc(cuda.ballot_sync(_ALL, at_leaf))
-            ends = cuda.popc(cuda.ballot_sync(_ALL, at_end))
+            nodes = cuda.popc(cuda.ballot_sync(ALL_LANES, at_node))
+            leaves = cuda.popc(cuda.ballot_sync(ALL_LANES, at_leaf))
+            ends = cuda.popc(cuda.ballot_sync(ALL_LANES, at_end))
             if nodes + leaves + ends == 0:
                 break
             if ends >= shade_at or nodes + leaves == 0:
-                dead = u32(cuda.ballot_sync(_ALL, at_end and not path.alive))
+                dead = u32(cuda.ballot_sync(ALL_LANES, at_end and not path.alive))
                 if at_end:
                     turn = u32(dealt + u32(cuda.popc(u32(dead & lanes_before()))))
                     walk, path, lane, shadow, direct = shade_lane(scene, view, work, tile, sums, turn, walk, path, lane)
@@ -259,13 +258,13 @@ def make_refill(stack_size: int, threshold: int, adaptive: bool = False) -> Any:
         shadow = False
         stack = stack_ints(stack_size)
         while True:
-            walkers = cuda.popc(cuda.ballot_sync(_ALL, walk.link > IDLE))
+            walkers = cuda.popc(cuda.ballot_sync(ALL_LANES, walk.link > IDLE))
             waiting = walk.link == DONE
-            waiters = cuda.popc(cuda.ballot_sync(_ALL, waiting))
+            waiters = cuda.popc(cuda.ballot_sync(ALL_LANES, waiting))
             if walkers + waiters == 0:
                 break
             if waiters != 0 and walkers < threshold:
-                dead = u32(cuda.ballot_sync(_ALL, waiting and not path.alive))
+                dead = u32(cuda.ballot_sync(ALL_LANES, waiting and not path.alive))
                 if waiting:
                     turn = u32(dealt + u32(cuda.popc(u32(dead & lanes_before()))))
                     walk, path, lane, shadow, direct = shade_lane(scene, view, work, tile, sums, turn, walk, path, lane)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,23 +28,33 @@ from .driver import DeviceArray, Gpu, Kernel, OutOfMemoryError, Stream, flatten_
 from .megakernel import make_refill, make_vote
 from .paths import make_paths
 from .pixels import make_pixels
-from .wavefront import BLOCKS_PER_MULTIPROCESSOR, ROWS, TRACING, WAVE_TYPE, Wave, make_wavefront
+from .tracing import tracing_blocks
+from .wavefront import ROWS, TRACING, WAVE_TYPE, Wave, make_wavefront
 from .work import BLOCK, COUNTERS, PATHS, REJECTED, WARP, WORK_TYPE, Work, item_count
 
 _LONG_SHADING = BSDFS | LIGHT_TREE
 _RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS | INSTANCES
-# Paths in flight in the wavefront: enough to fill any GPU, and 128 bytes each.
+# Paths in flight in the wavefront: enough to fill any GPU, and 136 bytes each; its queues can hold 2^28.
 _SLOTS = 1 << 22
 # Lanes that a multiprocessor holds, and the most planes of sums that a small film gets to have as many.
 _LANES, _MOST_PLANES = 1024, 64
 # Of the stages of the wavefront, where it matters (measured).
-_REGISTERS = dict.fromkeys(TRACING, 64) | {"shade": 80}
-# Rounds between looks at how many paths are left.
-_ROUNDS = 16
+_REGISTERS = dict.fromkeys(TRACING, 64) | {"shade": 96}
+# Threads of a block of it, within which it sorts paths: with these registers two of them fit on a multiprocessor.
+_SHADE_BLOCK = 320
+# Rounds before slots with nothing left to do are removed from the queue.
+_ROUNDS = 4
 
 
 class Scheduler(Protocol):
-    """Renders some samples of every pixel."""
+    """Renders some samples of every pixel.
+
+    slice_seconds: what a call of `run` should take.
+    least_samples: samples below which it gets much slower for each.
+    """
+
+    slice_seconds: ClassVar[float]
+    least_samples: ClassVar[int]
 
     def planes(self, view: Any) -> int:
         """How many planes of sums it uses for a film of this size."""
@@ -58,6 +68,9 @@ class Scheduler(Protocol):
 
 class Megakernel:
     """Whole paths, with or without layers, or whole samples of an integrator that has no paths, in one kernel."""
+
+    slice_seconds = 0.05
+    least_samples = 1
 
     def __init__(self, gpu: Gpu, scene: Any, stack: int) -> None:
         made = compiler_of(scene.features.mask)(scene_arguments(scene), gpu.capability, stack)
@@ -84,9 +97,14 @@ class Megakernel:
 
 
 class Wavefront:
-    """One kernel a stage, with queues of paths between them."""
+    """One kernel a stage."""
+
+    slice_seconds = 0.1
+    # Towards the end of a call more and more slots have nothing left to do.
+    least_samples = 32
 
     def __init__(self, gpu: Gpu, scene: Any, stack: int) -> None:
+        self._voting = bool(scene.features.mask & WIDE_TREE)
         self._multiprocessors = gpu.multiprocessors
         self.kernels = {
             name: Kernel(made.cubin, made.name)
@@ -113,11 +131,8 @@ class Wavefront:
         rejected = 0
         for base in range(0, items, at_once):
             part = min(at_once, items - base)
-            wave = Wave(
-                *(self._counters.array, state, queue),
-                *(i32(base), i32(part), i32(part * planes), u32(share)),
-                *(i32(0), u32(first), u32(last)),
-            )
+            sizes = i32(base), i32(part), i32(part * planes), u32(share)
+            wave = Wave(self._counters.array, state, queue, *sizes, i32(0), u32(first), u32(last))
             rejected += self._run_wave(scene, view, film, wave)
         return rejected
 
@@ -144,23 +159,24 @@ class Wavefront:
         packed = [
             pointers_to(flatten_arguments((scene, view, film, wave._replace(parity=i32(parity))))) for parity in (0, 1)
         ]
-        most = self._multiprocessors * BLOCKS_PER_MULTIPROCESSOR
 
         def launch(name: str, threads: int, parity: int = 0) -> None:
-            blocks = -(-threads // BLOCK)
-            blocks = min(blocks, most) if name in TRACING else blocks
-            self.kernels[name].launch(blocks, BLOCK, packed[parity], self._stream)
+            size = _SHADE_BLOCK if name == "shade" else BLOCK
+            blocks = -(-threads // size)
+            if name in TRACING:
+                blocks = tracing_blocks(threads, self._voting, self._multiprocessors)
+            self.kernels[name].launch(blocks, size, packed[parity], self._stream)
 
         self._counters.clear()
-        launch("start", int(wave.slots))
-        parity = 0
         waiting = int(wave.slots)
+        launch("start", waiting)
+        parity = 0
         while waiting:
             for _ in range(_ROUNDS):
                 for stage in ("extend", "shade", "shadow"):
                     launch(stage, waiting, parity)
-                launch("turn", 1, parity)
-                parity = 1 - parity
+            launch("compact", waiting, parity)
+            parity = 1 - parity
             waiting = int(self._counters.read()[PATHS + parity])
         launch("finish", int(wave.items))
         return int(self._counters.read()[REJECTED])
@@ -226,9 +242,10 @@ def compile_paths(scene: tuple[Any, ...], capability: tuple[int, int], stack: in
 
 def compile_wavefront(scene: tuple[Any, ...], capability: tuple[int, int], stack: int) -> dict[str, Compiled]:
     """The kernels of the wavefront for argument types."""
+    voting = bool(scene[0].types[0].mask & WIDE_TREE)
     return {
         name: compile_cubin(kernel, (*scene, WAVE_TYPE), capability, _REGISTERS.get(name, 0))
-        for name, kernel in make_wavefront(stack).items()
+        for name, kernel in make_wavefront(stack, voting, _SHADE_BLOCK).items()
     }
 
 

@@ -18,10 +18,11 @@ FETCHED_SHADOWS = i32(3)
 PATHS = i32(4)
 """Of two queues, which take turns."""
 
-COUNTERS = 8
+COUNTERS = 6
 
 WARP = 32
 BLOCK = 128
+ALL_LANES = 0xFFFFFFFF
 
 
 class Work(NamedTuple):
@@ -91,6 +92,17 @@ def place_in_tile(view, tile, which):
 def lanes_before():
     """The bits of the lanes of a warp before this one."""
     return u32((u32(1) << u32(cuda.laneid)) - u32(1))
+
+
+@kernel
+def reserve(wanted, counters, which):
+    """Different numbers, counted on, for the lanes that want one: one atomic a warp; all of its lanes must call it."""
+    votes = u32(cuda.ballot_sync(ALL_LANES, wanted))
+    first = i32(0)
+    if cuda.laneid == 0 and votes != 0:
+        first = i32(cuda.atomic.add(counters, which, u32(cuda.popc(votes))))
+    first = cuda.shfl_sync(ALL_LANES, first, 0)
+    return i32(first + i32(cuda.popc(u32(votes & lanes_before()))))
 
 
 @kernel
