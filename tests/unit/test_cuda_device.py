@@ -310,9 +310,12 @@ def test_slices_hold_what_is_rendered_in_their_time():
 
 
 def test_slices_are_not_made_too_short_only_because_few_samples_are_left():
-    assert slice_samples(50.0, 100, 2, least=32) == 32
-    assert slice_samples(5.0, 100, 2, least=32) == 5
+    assert slice_samples(50.0, 100, 2, least=32) == 34
+    assert slice_samples(50.0, 33, 2, least=32) == 33
     assert slice_samples(50.0, 20, 2, least=32) == 20
+    # But they are where time is short, or where a GPU would have nothing to do.
+    assert slice_samples(5.0, 100, 2, least=32) == 5
+    assert slice_samples(50.0, 64, 16, gpus=8, least=32) == 8
 
 
 @pytest.mark.parametrize("workers", [1, 2, 16])

@@ -95,11 +95,11 @@ class Worker:
         self.rate = pixels * (last - first) / max(time.perf_counter() - start, 1e-6)
         return rejected
 
-    def slice_of(self, left: int, pixels: int, workers: int) -> int:
+    def slice_of(self, left: int, pixels: int, workers: int, gpus: int) -> int:
         """How many of the samples that are left this one of so many workers should take on next."""
         assert self._scheduler is not None, "compile comes first"
         kind = self._scheduler
-        return slice_samples(self.rate / pixels * kind.slice_seconds, left, workers, kind.least_samples)
+        return slice_samples(self.rate / pixels * kind.slice_seconds, left, workers, gpus, kind.least_samples)
 
     @property
     def has_sums(self) -> bool:
@@ -286,7 +286,7 @@ class CudaDevice:
         busy = {worker for worker, _ in self._running.values()}
         for worker in self._workers:
             if worker not in busy and first < last:
-                samples = worker.slice_of(last - first, pixels, len(self._workers))
+                samples = worker.slice_of(last - first, pixels, len(self._workers), len(self._gpus))
                 task = self._pool.submit(worker.run, offset + first, offset + first + samples, pixels)
                 self._running[task] = worker, samples
                 first += samples
@@ -380,19 +380,20 @@ def planes_of(array: NDArray[Any], planes: int) -> DeviceArray:
     return DeviceArray.zeros((planes * array.shape[0], *array.shape[1:]), array.dtype)
 
 
-def slice_samples(wanted: float, left: int, workers: int, least: int = 1) -> int:
+def slice_samples(wanted: float, left: int, workers: int, gpus: int = 1, least: int = 1) -> int:
     """Samples per pixel of a worker's next slice.
 
     Args:
         wanted: samples per pixel that it renders in the time that a slice should take, 0 if not known yet.
         left: samples per pixel that nobody works on yet.
         workers: how many share them.
-        least: samples below which a slice is not made shorter only because few are left.
+        gpus: and on how many GPUs.
+        least: samples below which a slice is not made shorter only because few are left, if each GPU has one.
 
     Slices become shorter towards the end, so that all workers finish at about the same time.
     """
-    share = min(max(-(-left // (2 * workers)), least), left)
-    return max(1, min(int(wanted), share, _MOST_SAMPLES))
+    slices = min(2 * workers, max(gpus, left // least))
+    return max(1, min(int(wanted), -(-left // slices), _MOST_SAMPLES))
 
 
 def joint_name(names: list[str]) -> str:
