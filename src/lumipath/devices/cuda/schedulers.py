@@ -35,7 +35,7 @@ from .work import BLOCK, COUNTERS, PATHS, REJECTED, WARP, WORK_TYPE, Work, item_
 _LONG_SHADING = BSDFS | LIGHT_TREE
 _RICH = MIRRORS | DIELECTRICS | VERTEX_DATA | QUADRICS | INSTANCES
 # Paths in flight in the wavefront: enough to fill any GPU, and 136 bytes each; its queues can hold 2^28.
-_SLOTS = 1 << 22
+_SLOTS, _LEAST_SLOTS = 1 << 22, 1 << 16
 # Lanes that a multiprocessor holds, and the most planes of sums that a small film gets to have as many.
 _LANES, _MOST_PLANES = 1024, 64
 # Of the stages of the wavefront, where it matters (measured).
@@ -100,7 +100,7 @@ class Wavefront:
     """One kernel a stage."""
 
     slice_seconds = 0.1
-    # Towards the end of a call more and more slots have nothing left to do.
+    # Towards the end of a call more and more slots have nothing left to do (decision 0008).
     least_samples = 32
 
     def __init__(self, gpu: Gpu, scene: Any, stack: int) -> None:
@@ -123,8 +123,8 @@ class Wavefront:
     def run(self, scene: Any, view: Any, film: Any, first: int, last: int) -> int:
         """Add samples to the film; see `Scheduler.run`."""
         items = item_count(int(view.film_width), int(view.film_height))
-        at_once = min(items, _SLOTS)
-        state, queue = self._room_for(at_once, last - first)
+        state, queue = self._room_for(items, last - first)
+        at_once = min(items, self._most_slots)
         # A small film has several planes of slots, so that it fills the GPU.
         planes = min(queue.shape[0] // (2 * at_once), last - first)
         share = -(-(last - first) // planes)
@@ -137,22 +137,24 @@ class Wavefront:
         return rejected
 
     def _room_for(self, items: int, samples: int) -> tuple[DeviceArray, DeviceArray]:
-        """State and queues of slots for so many samples of items, in as many planes as there is memory for.
+        """State and queues of slots for so many samples of items, or of a part of them where memory is short.
 
         Raises:
-            OutOfMemoryError: there is none for one plane.
+            OutOfMemoryError: there is no room for as few as make sense.
         """
-        wanted = items * min(max(self._most_slots // items, 1), samples)
-        while self._state is None or self._queue is None or self._queue.shape[0] < 2 * wanted:
+        while True:
+            at_once = min(items, self._most_slots)
+            wanted = at_once * min(self._most_slots // at_once, samples)
+            if self._state is not None and self._queue is not None and self._queue.shape[0] >= 2 * wanted:
+                return self._state, self._queue
             self._state = self._queue = None
             try:
                 self._state = DeviceArray((wanted * ROWS * 4,), np.float32)
                 self._queue = DeviceArray((2 * wanted,), np.int32)
             except OutOfMemoryError:
-                if wanted == items:
+                if self._most_slots <= _LEAST_SLOTS:
                     raise
-                wanted = self._most_slots = items
-        return self._state, self._queue
+                self._most_slots //= 2
 
     def _run_wave(self, scene: Any, view: Any, film: Any, wave: Wave) -> int:
         # Packing the arguments takes longer than a stage, so it is done once for each of the two queues.
