@@ -166,6 +166,16 @@ def test_the_stages_of_the_wavefront_compile_within_bounds(wide):
         assert stack == (4 * STACK if name in TRACING else 0), name
 
 
+@pytest.mark.parametrize("capability", ENDS, ids=lambda c: f"sm_{c[0]}{c[1]}")
+def test_the_stages_of_the_wavefront_compile_with_materials_within_bounds(capability):
+    signature = arguments("bench-materials-cornell", wide=capability == ENDS[0])
+    for name, made in compile_wavefront(signature, capability, STACK).items():
+        registers, stack = resources(made.report)
+        assert registers <= (96 if name == "shade" else 64), name
+        # What does not fit into the registers, and calls of the look-up of textures.
+        assert stack <= (4 * STACK if name in TRACING else 128), name
+
+
 CAMERAS = [
     ("orthographic", "gaussian"),
     ("panorama", "mitchell"),
