@@ -318,6 +318,11 @@ def test_slices_are_not_made_too_short_only_because_few_samples_are_left():
     assert slice_samples(50.0, 64, 16, gpus=8, least=32) == 8
 
 
+def test_no_slice_is_left_over():
+    assert slice_samples(42.0, 44, 2, least=32) == 22
+    assert slice_samples(42.0, 22, 2, least=32) == 22
+
+
 @pytest.mark.parametrize("workers", [1, 2, 16])
 def test_slices_become_shorter_towards_the_end_and_cover_all_samples(workers):
     left, slices = 1000, []

@@ -392,8 +392,10 @@ def slice_samples(wanted: float, left: int, workers: int, gpus: int = 1, least: 
 
     Slices become shorter towards the end, so that all workers finish at about the same time.
     """
-    slices = min(2 * workers, max(gpus, left // least))
-    return max(1, min(int(wanted), -(-left // slices), _MOST_SAMPLES))
+    most = min(max(int(wanted), 1), _MOST_SAMPLES)
+    # Equal ones: a rest of a few samples would take longer for each.
+    slices = max(min(2 * workers, max(gpus, left // least)), -(-left // most))
+    return -(-left // slices)
 
 
 def joint_name(names: list[str]) -> str:
